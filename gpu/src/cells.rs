@@ -165,7 +165,7 @@ impl CellBuffers {
 }
 
 impl Solid<'_> {
-    fn check(&self) -> Result<(), Error> {
+    pub(crate) fn check(&self) -> Result<(), Error> {
         self.law.check(self.parameters, self.cells.len())?;
         if let Some(clusters) = &self.clusters {
             clusters.check(self.points.len(), self.cells.len())?;
@@ -188,7 +188,7 @@ impl Solid<'_> {
 }
 
 /// Gradients of the shape functions of corners 1, 2, 3, and the volume.
-fn geometry(points: &[[f64; 3]], cell: [u32; 4]) -> [f64; 10] {
+pub(crate) fn geometry(points: &[[f64; 3]], cell: [u32; 4]) -> [f64; 10] {
     let corner = |a: usize| points[cell[a] as usize];
     let edge = |a: usize| std::array::from_fn::<f64, 3, _>(|i| corner(a)[i] - corner(0)[i]);
     let cross = |a: [f64; 3], b: [f64; 3]| {

@@ -95,7 +95,7 @@ impl ClusterBuffers {
 }
 
 impl Clusters<'_> {
-    fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
 

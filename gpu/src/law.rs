@@ -8,6 +8,9 @@ use std::fmt::Write;
 /// A stress at rest below this fraction of its terms counts as rounding.
 const ROUNDING: f64 = 1e-9;
 
+/// Functions that the source of an energy calls.
+pub(crate) const ELEMENTARY: &str = include_str!("kernels/elementary.wgsl");
+
 /// A law.
 #[derive(Clone, Debug)]
 pub enum Law {
@@ -75,7 +78,7 @@ impl Law {
         let kernel = match self {
             Law::Energy(program) => {
                 return format!(
-                    "const STRIDE = {stride}u;\n{}\n{}",
+                    "const STRIDE = {stride}u;\n{}\n{ELEMENTARY}\n{}",
                     energy_source(program, rows),
                     include_str!("kernels/energy.wgsl")
                 );
@@ -110,14 +113,15 @@ impl Law {
 }
 
 /// First and second derivatives of an energy, written about rest.
-struct Derivatives {
-    program: Program,
-    /// Names of the fields that the kernel reads, with their values in the program.
-    outputs: [(&'static str, Value); 10],
+pub(crate) struct Derivatives {
+    pub program: Program,
+    /// Names of the fields that the kernel reads, with their values in the program: the pressure of an undeformed cell
+    /// without that of its cluster, and the derivatives.
+    pub outputs: [(&'static str, Value); 10],
 }
 
 impl Derivatives {
-    fn new(program: &Program, rows: &[Vec<f64>]) -> Self {
+    pub fn new(program: &Program, rows: &[Vec<f64>]) -> Self {
         let mut program = program.clone();
         let psi = program.operations().len() - 1;
         let first = Invariant::ALL.map(|i| program.derivative(psi, i));
@@ -166,6 +170,27 @@ impl Derivatives {
     }
 }
 
+/// `s U'`, written about rest, of an energy of dilatation: a function of `J`, or of `I1` if the ratio is `(I1 - 1) / 2`.
+pub(crate) fn dilatation_slope(dilatation: &Program) -> (Program, Value) {
+    let mut program = dilatation.clone();
+    let energy = program.operations().len() - 1;
+    let slope = if of_trace(dilatation) {
+        let two = program.constant(2.0);
+        let slope = program.derivative(energy, Invariant::I1);
+        program.add(Operation::Multiply(two, slope))
+    } else {
+        program.derivative(energy, Invariant::J)
+    };
+    let (mut about, split) = program.about_rest(&[slope]);
+    let total = about.total(split[0]);
+    (about, total)
+}
+
+/// Whether an energy of dilatation is a function of `I1`.
+pub(crate) fn of_trace(dilatation: &Program) -> bool {
+    dilatation.operations().contains(&Operation::Invariant(Invariant::I1))
+}
+
 /// `fn energy(i1, i2, j, row, pressure)`, `i1 = I1 - 3`, `i2 = I2 - 3`, `j = J - 1`.
 fn energy_source(program: &Program, rows: &[Vec<f64>]) -> String {
     let Derivatives { program, outputs } = Derivatives::new(program, rows);
@@ -184,7 +209,8 @@ fn energy_source(program: &Program, rows: &[Vec<f64>]) -> String {
     text + "    return e;\n}\n"
 }
 
-fn expression(operation: Operation) -> String {
+/// An operation on numbers.
+pub(crate) fn expression(operation: Operation) -> String {
     use Operation::*;
     match operation {
         Constant(c) => number(c),
@@ -206,7 +232,7 @@ fn expression(operation: Operation) -> String {
 }
 
 /// A number as WGSL writes it: finite in single precision, with a decimal point.
-fn number(c: f64) -> String {
+pub(crate) fn number(c: f64) -> String {
     let c = (c as f32).clamp(f32::MIN, f32::MAX);
     if c < 0.0 { format!("({c:e}f)") } else { format!("{c:e}f") }
 }

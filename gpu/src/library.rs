@@ -1,15 +1,15 @@
 //! This crate as a library that is loaded at run time: the functions of `viscera-device`. Panics are caught.
 
 use crate::{
-    CellBuffers, Clusters, Ending, Error, Gpu, Law, Mean, RestBlock, Settings, Solid, System,
-    Tangent, traffic,
+    CellBuffers, Clusters, Dilatation, Ending, Error, Gpu, Law, Mean, Program, RestBlock,
+    SeriesBuffers, Settings, Solid, System, Tangent, traffic,
 };
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use viscera_clock::Instant;
 use viscera_device::{
-    About, Answer, Cells, Handle, Interface, Slice, Task, Text, Traffic, VERSION,
+    About, Answer, Cells, Handle, Interface, Series, Slice, Task, Text, Traffic, VERSION,
 };
 
 /// Fewest iterations between two checks whether the device has finished.
@@ -38,6 +38,9 @@ static INTERFACE: Interface = Interface {
     direction,
     traffic: read_traffic,
     solve,
+    new_series,
+    free_series,
+    expand,
 };
 
 /// The object behind a handle.
@@ -129,26 +132,96 @@ unsafe extern "C" fn new_with_cells(
 ) -> bool {
     attempt(fault, || {
         // SAFETY: the caller's slices live until this returns.
-        let (pairs, points) = unsafe { (pairs.get(), cells.points.get()) };
-        // SAFETY: the same.
-        let (corners, operations) = unsafe { (cells.cells.get(), cells.operations.get()) };
-        // SAFETY: the same.
-        let (parameters, of) = unsafe { (cells.parameters.get(), cells.cluster_of.get()) };
-        // SAFETY: the same.
-        let (starts, nodes) = unsafe { (cells.cluster_starts.get(), cells.cluster_nodes.get()) };
-        if points.len() != n_nodes {
-            return Err(Error::Input(format!("{} points for {n_nodes} nodes", points.len())));
+        let (pairs, given) = unsafe { (pairs.get(), Given::of(cells)?) };
+        if given.points.len() != n_nodes {
+            return Err(Error::Input(format!("{} points for {n_nodes} nodes", given.points.len())));
         }
-        let rows: Vec<Vec<f64>> = match cells.n_parameters {
-            0 => vec![Vec::new()],
-            n => parameters.chunks(n).map(<[f64]>::to_vec).collect(),
-        };
         let pairs: Vec<(u32, u32)> = pairs.iter().map(|&[row, column]| (row, column)).collect();
+        let (cells, system) = CellBuffers::new(&device()?, &given.solid(), &pairs)?;
+        *handle = Box::into_raw(Box::new(Body { system, cells: Some(cells) })).cast();
+        Ok(())
+    })
+}
+
+/// Cells as the caller gives them.
+struct Given<'a> {
+    points: &'a [[f64; 3]],
+    corners: &'a [[u32; 4]],
+    law: Law,
+    parameters: Vec<Vec<f64>>,
+    clusters: Option<Clusters<'a>>,
+}
+
+impl<'a> Given<'a> {
+    /// # Safety
+    /// The slices must live that long.
+    unsafe fn of(cells: &Cells) -> Result<Self, Error> {
+        // SAFETY: see above.
+        let (points, corners) = unsafe { (cells.points.get(), cells.cells.get()) };
+        // SAFETY: the same.
+        let (operations, parameters) = unsafe { (cells.operations.get(), cells.parameters.get()) };
+        // SAFETY: the same.
+        let (of, starts) = unsafe { (cells.cluster_of.get(), cells.cluster_starts.get()) };
+        // SAFETY: the same.
+        let nodes = unsafe { cells.cluster_nodes.get() };
         let law = Law::of(cells.model, operations)?;
         let clusters = (!of.is_empty()).then_some(Clusters { of, starts, nodes });
-        let solid = Solid { points, cells: corners, law: &law, parameters: &rows, clusters };
-        let (cells, system) = CellBuffers::new(&device()?, &solid, &pairs)?;
-        *handle = Box::into_raw(Box::new(Body { system, cells: Some(cells) })).cast();
+        let parameters = rows_of(parameters, cells.n_parameters);
+        Ok(Given { points, corners, law, parameters, clusters })
+    }
+
+    fn solid(&self) -> Solid<'_> {
+        let Given { points, corners: cells, law, parameters, clusters } = self;
+        Solid { points, cells, law, parameters, clusters: *clusters }
+    }
+}
+
+fn rows_of(parameters: &[f64], length: usize) -> Vec<Vec<f64>> {
+    match length {
+        0 => vec![Vec::new()],
+        n => parameters.chunks(n).map(<[f64]>::to_vec).collect(),
+    }
+}
+
+unsafe extern "C" fn new_series(series: &Series, handle: &mut Handle, fault: &mut Text) -> bool {
+    attempt(fault, || {
+        // SAFETY: the caller's slices live until this returns.
+        let (given, base) = unsafe { (Given::of(&series.cells)?, series.base.get()) };
+        // SAFETY: the same.
+        let operations = unsafe { series.dilatation.get() };
+        // SAFETY: the same.
+        let parameters = unsafe { series.dilatation_parameters.get() };
+        let (energy, parameters) =
+            (Program::of(operations)?, rows_of(parameters, series.n_dilatation_parameters));
+        let dilatation = (!operations.is_empty())
+            .then_some(Dilatation { energy: &energy, parameters: &parameters });
+        let buffers = SeriesBuffers::new(&device()?, &given.solid(), dilatation, base)?;
+        *handle = Box::into_raw(Box::new(buffers)).cast();
+        Ok(())
+    })
+}
+
+unsafe extern "C" fn free_series(handle: Handle) {
+    // SAFETY: the handle is one of `new_series`, and not used again.
+    let buffers = unsafe { Box::from_raw(handle.cast::<SeriesBuffers>()) };
+    let _ = catch_unwind(AssertUnwindSafe(|| drop(buffers)));
+}
+
+unsafe extern "C" fn expand(
+    handle: Handle,
+    degree: usize,
+    displacement: Slice<f32>,
+    force: *mut f32,
+    fault: &mut Text,
+) -> bool {
+    attempt(fault, || {
+        // SAFETY: the handle is one of `new_series`, used by one thread at a time; the slice lives until this returns.
+        let (buffers, given) =
+            unsafe { (&mut *handle.cast::<SeriesBuffers>(), displacement.get()) };
+        let mut found = vec![0.0; given.len() / degree.saturating_sub(1).max(1)];
+        buffers.force(degree, given, &mut found)?;
+        // SAFETY: there is room for a force of each series.
+        unsafe { force.copy_from_nonoverlapping(found.as_ptr(), found.len()) };
         Ok(())
     })
 }

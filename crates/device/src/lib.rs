@@ -11,7 +11,7 @@ pub mod library;
 use std::ffi::c_void;
 
 /// Raised with every change of this crate.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 /// The library's one symbol, an [`Entry`].
 pub const SYMBOL: &[u8] = b"viscera_gpu\0";
@@ -113,6 +113,26 @@ pub struct Cells {
     /// Nodes of the clusters, ascending within each.
     pub cluster_nodes: Slice<u32>,
 }
+
+/// A body whose force the library expands in series.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Series {
+    /// Its cells.
+    pub cells: Cells,
+    /// `s U` as a function of the volume ratio `J` of a cluster; a function of `I1`, if that ratio is `(I1 - 1) / 2`. Empty
+    /// where cells share nothing.
+    pub dilatation: Slice<law::Operation>,
+    /// Rows of parameters of the dilatation, one after the other: one for all cells, or one for each.
+    pub dilatation_parameters: Slice<f64>,
+    /// Length of a row.
+    pub n_dilatation_parameters: usize,
+    /// Displacement of the base state [m].
+    pub base: Slice<f64>,
+}
+
+/// Series that are expanded side by side.
+pub const SERIES_LANES: usize = 8;
 
 /// A block that is added to a tangent.
 #[repr(C)]
@@ -236,6 +256,13 @@ pub struct Interface {
     pub traffic: unsafe extern "C" fn(&mut Traffic),
     /// Solves.
     pub solve: unsafe extern "C" fn(Handle, &Task, &mut Answer, &mut Text) -> bool,
+    /// Room for the series of a body, behind a handle of its own kind.
+    pub new_series: unsafe extern "C" fn(&Series, &mut Handle, &mut Text) -> bool,
+    /// Frees that memory.
+    pub free_series: unsafe extern "C" fn(Handle),
+    /// The coefficients of the highest degree of the force, to where there is room for them: degree; displacements, for each
+    /// group of [`SERIES_LANES`] series those of the lower degrees but for that of the base state.
+    pub expand: unsafe extern "C" fn(Handle, usize, Slice<f32>, *mut f32, &mut Text) -> bool,
 }
 
 #[cfg(test)]

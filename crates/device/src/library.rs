@@ -1,11 +1,16 @@
 //! A library that computes on a graphics processor, as the core's device.
 
 use crate::law;
-use crate::{Answer, Cells, Handle, Interface, RestBlock, Slice, Tangent, Task, Text};
+use crate::{
+    Answer, Cells, Handle, Interface, RestBlock, SERIES_LANES, Series, Slice, Tangent, Task, Text,
+};
 use std::ptr::null_mut;
 use viscera_clock::Instant;
-use viscera_solid::body::ProgrammedCells;
-use viscera_solid::equilibrium::{Device, DeviceEnd, DeviceSolution, DeviceSystem, DeviceTangent};
+use viscera_law::Program;
+use viscera_solid::body::{ProgrammedCells, ProgrammedSeries};
+use viscera_solid::equilibrium::{
+    self, Device, DeviceEnd, DeviceSeries, DeviceSolution, DeviceSystem, DeviceTangent,
+};
 
 /// The library behind an interface.
 pub struct Library(pub &'static Interface);
@@ -40,29 +45,107 @@ impl Device for Library {
     ) -> Result<Box<dyn DeviceSystem>, String> {
         let pairs: Vec<[u32; 2]> = pairs.iter().map(|&(row, column)| [row, column]).collect();
         let (of, mut handle, pairs) = (self.0, null_mut(), Slice::new(&pairs));
-        let Some(ProgrammedCells { points, cells, program, clusters }) = cells else {
+        let Some(cells) = cells else {
             // SAFETY: the slice lives until the call returns.
             spoken(|fault| unsafe { (of.new)(n, pairs, &mut handle, fault) })?;
             return Ok(Box::new(System { of, handle, n_dofs: 3 * n }));
         };
-        let (operations, parameters) = (law::operations(program)?, program.rows.concat());
-        let clusters = clusters.as_ref();
-        let cells = Cells {
-            points: Slice::new(points),
-            cells: Slice::new(cells),
-            model: law::model(program),
-            operations: Slice::new(&operations),
-            parameters: Slice::new(&parameters),
-            n_parameters: program.rows.first().map_or(0, Vec::len),
-            cluster_of: Slice::new(clusters.map_or(&[][..], |c| &c.of)),
-            cluster_starts: Slice::new(clusters.map_or(&[][..], |c| &c.starts)),
-            cluster_nodes: Slice::new(clusters.map_or(&[][..], |c| &c.nodes)),
-        };
+        let listed = Listed::new(&cells.program)?;
+        let cells = cells_of(cells, &listed);
         // SAFETY: the slices live until the call returns.
         spoken(|fault| unsafe { (of.new_with_cells)(n, pairs, &cells, &mut handle, fault) })?;
         Ok(Box::new(System { of, handle, n_dofs: 3 * n }))
     }
+
+    fn series(&self, body: &ProgrammedSeries<'_>) -> Result<Box<dyn DeviceSeries>, String> {
+        let ProgrammedSeries { cells, dilatation, base } = body;
+        let listed = Listed::new(&cells.program)?;
+        let of_dilatation = dilatation.as_ref().map(Listed::new).transpose()?.unwrap_or_default();
+        let series = Series {
+            cells: cells_of(cells, &listed),
+            dilatation: Slice::new(&of_dilatation.operations),
+            dilatation_parameters: Slice::new(&of_dilatation.parameters),
+            n_dilatation_parameters: of_dilatation.n_parameters,
+            base: Slice::new(base),
+        };
+        let (of, mut handle) = (self.0, null_mut());
+        // SAFETY: the slices live until the call returns.
+        spoken(|fault| unsafe { (of.new_series)(&series, &mut handle, fault) })?;
+        Ok(Box::new(Expansion { of, handle, n_dofs: base.len() }))
+    }
 }
+
+/// A program as the interface takes it.
+#[derive(Default)]
+struct Listed {
+    model: u32,
+    operations: Vec<law::Operation>,
+    parameters: Vec<f64>,
+    n_parameters: usize,
+}
+
+impl Listed {
+    fn new(program: &Program) -> Result<Self, String> {
+        Ok(Listed {
+            model: law::model(program),
+            operations: law::operations(program)?,
+            parameters: program.rows.concat(),
+            n_parameters: program.rows.first().map_or(0, Vec::len),
+        })
+    }
+}
+
+fn cells_of(cells: &ProgrammedCells<'_>, listed: &Listed) -> Cells {
+    let clusters = cells.clusters.as_ref();
+    Cells {
+        points: Slice::new(cells.points),
+        cells: Slice::new(cells.cells),
+        model: listed.model,
+        operations: Slice::new(&listed.operations),
+        parameters: Slice::new(&listed.parameters),
+        n_parameters: listed.n_parameters,
+        cluster_of: Slice::new(clusters.map_or(&[][..], |c| &c.of)),
+        cluster_starts: Slice::new(clusters.map_or(&[][..], |c| &c.starts)),
+        cluster_nodes: Slice::new(clusters.map_or(&[][..], |c| &c.nodes)),
+    }
+}
+
+/// Series on the device, and the number of degrees of freedom of their body.
+struct Expansion {
+    of: &'static Interface,
+    handle: Handle,
+    n_dofs: usize,
+}
+
+// SAFETY: the library takes calls from any thread, one at a time.
+unsafe impl Send for Expansion {}
+// SAFETY: every method takes it exclusively.
+unsafe impl Sync for Expansion {}
+
+impl DeviceSeries for Expansion {
+    fn force(
+        &mut self,
+        degree: usize,
+        displacement: &[f32],
+        force: &mut [f32],
+    ) -> Result<(), String> {
+        let run = self.n_dofs * SERIES_LANES;
+        assert_eq!(displacement.len(), (degree - 1) * force.len(), "one force for each series");
+        assert!(force.len().is_multiple_of(run), "whole groups of series");
+        let (of, displacement, out) = (self.of, Slice::new(displacement), force.as_mut_ptr());
+        // SAFETY: the handle is of this library; there is room for a force of each series, see above.
+        spoken(|fault| unsafe { (of.expand)(self.handle, degree, displacement, out, fault) })
+    }
+}
+
+impl Drop for Expansion {
+    fn drop(&mut self) {
+        // SAFETY: the handle is of this library, and nobody has it any more.
+        unsafe { (self.of.free_series)(self.handle) };
+    }
+}
+
+const _: () = assert!(SERIES_LANES == equilibrium::SERIES_LANES);
 
 impl DeviceSystem for System {
     fn hold(&mut self, is_held: &[bool], means: &[Vec<(u32, f64)>]) -> Result<(), String> {

@@ -25,13 +25,13 @@ pub fn device_with(largest_binding: u64) -> Option<Arc<Gpu>> {
     }
 }
 
-/// The laws of the core that are functions of `I1`, `I2` and `J`, and a formula with what they lack; each with rows of
-/// parameters of tissue for Poisson's ratio `nu` between 0.3 and 0.49.
-pub fn laws(nu: f64) -> Vec<(String, Law, Vec<Vec<f64>>)> {
+/// The laws of the core that a device has kernels for, and a formula with what they lack; each with a row of parameters of
+/// tissue for Poisson's ratio `nu` between 0.3 and 0.49.
+pub fn names(nu: f64) -> Vec<(&'static str, Vec<f64>)> {
     let (mu, lam) = moduli(nu);
     let kappa = lam + 2.0 / 3.0 * mu;
     let step = "formula mu/2*(I1 - 3) - mu*log(J) + kappa/2*(J - 1)**2 + mu*max(J - 1, 0)**5";
-    let known: [(&str, Vec<f64>); 11] = [
+    vec![
         ("linear", vec![mu, lam]),
         ("corotated", vec![mu, lam]),
         ("saint_venant_kirchhoff", vec![mu, lam]),
@@ -43,13 +43,18 @@ pub fn laws(nu: f64) -> Vec<(String, Law, Vec<Vec<f64>>)> {
         ("yeoh", vec![0.5 * mu, 0.1 * mu, 0.02 * mu, kappa]),
         ("arruda_boyce", vec![mu, 1.4, kappa]),
         ("fung", vec![mu, 1.5, kappa]),
-    ];
-    let more = [("veronda_westmann", vec![mu, 1.5, kappa]), (step, vec![mu, kappa])];
+        ("veronda_westmann", vec![mu, 1.5, kappa]),
+        (step, vec![mu, kappa]),
+    ]
+}
+
+/// The same as the device takes them.
+pub fn laws(nu: f64) -> Vec<(String, Law, Vec<Vec<f64>>)> {
     let law = |(name, row): (&str, Vec<f64>)| {
         let (law, rows) = recorded(name, vec![row]);
         (name.to_string(), law, rows)
     };
-    known.into_iter().chain(more).map(law).collect()
+    names(nu).into_iter().map(law).collect()
 }
 
 /// A law of the core by its name, and the rows of parameters of its program.
@@ -203,7 +208,7 @@ pub fn internal_force(solid: &Solid<'_>, u: &[f64]) -> Vec<f64> {
     force
 }
 
-fn gradients(points: &[[f64; 3]], cell: &[u32; 4]) -> ([[f64; 3]; 4], f64) {
+pub fn gradients(points: &[[f64; 3]], cell: &[u32; 4]) -> ([[f64; 3]; 4], f64) {
     let p = cell.map(|node| points[node as usize]);
     let edges: Mat3 = std::array::from_fn(|a| std::array::from_fn(|i| p[a + 1][i] - p[0][i]));
     let z = cofactor(&edges);

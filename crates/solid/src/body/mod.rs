@@ -47,7 +47,7 @@ pub use kernels::UPRIGHT;
 pub use links::Link;
 pub use outliers::Outlier;
 pub use product::TangentProduct;
-pub use programmed::{ClusterNodes, ProgrammedCells};
+pub use programmed::{ClusterNodes, ProgrammedCells, ProgrammedSeries};
 pub use quadrature_points::QuadraturePoint;
 pub use self_contact::SelfContact;
 pub use subset::{SharedNodes, WeightedSubset};

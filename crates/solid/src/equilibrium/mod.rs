@@ -26,7 +26,8 @@ pub use stepper::{
     Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings, Torque, Turn,
 };
 pub use system::{
-    Choice, ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSolution, DeviceSystem,
-    DeviceTangent, Method, OnDevice, Origin, Preconditioner, Row, Solved, dofs_of, mean_rows,
+    Choice, ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSeries, DeviceSolution,
+    DeviceSystem, DeviceTangent, Method, OnDevice, Origin, Preconditioner, Row, SERIES_LANES,
+    Solved, dofs_of, mean_rows,
 };
 pub use tangent::Tangent;

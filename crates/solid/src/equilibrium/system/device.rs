@@ -6,7 +6,7 @@
 //! here: each step corrects the last one. A device that fails is left, and the processor goes on with the same system.
 
 use super::border::Border;
-use crate::body::{Body, ProgrammedCells};
+use crate::body::{Body, ProgrammedCells, ProgrammedSeries};
 use crate::clock::Instant;
 use crate::equilibrium::tangent::{ProductOperator, RestBlock};
 use std::fmt;
@@ -24,7 +24,34 @@ pub trait Device: Send + Sync {
         pairs: &[(u32, u32)],
         cells: Option<&ProgrammedCells<'_>>,
     ) -> Result<Box<dyn DeviceSystem>, String>;
+
+    /// Allocates memory to expand the force of a body.
+    ///
+    /// # Errors
+    /// A sentence, as above.
+    fn series(&self, body: &ProgrammedSeries<'_>) -> Result<Box<dyn DeviceSeries>, String>;
 }
+
+/// The internal force of a body as series in single precision. Every error is a sentence.
+pub trait DeviceSeries: Send + Sync {
+    /// Degree-p coefficients of the force along series in one variable without their own degree-p coefficients, as
+    /// [`Body::force_series`] gives them. Series come in groups of [`SERIES_LANES`], side by side.
+    ///
+    /// displacement: `u_1 ... u_(p-1)` of a group, each over all degrees of freedom; then those of the next group.
+    /// force: `N_p` of each group, over all degrees of freedom.
+    ///
+    /// # Errors
+    /// The device is lost, or has too little memory; values that are not finite.
+    fn force(
+        &mut self,
+        degree: usize,
+        displacement: &[f32],
+        force: &mut [f32],
+    ) -> Result<(), String>;
+}
+
+/// Series in a group.
+pub const SERIES_LANES: usize = 8;
 
 /// A linear system on a device, its preconditioner the inverse of each node's block. Every error is a sentence.
 pub trait DeviceSystem: Send + Sync {

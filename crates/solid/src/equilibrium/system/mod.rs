@@ -32,7 +32,8 @@ pub use border::{Row, mean_rows};
 pub use conjugate_gradients::{ConjugateGradients, Preconditioner};
 use device::Remote;
 pub use device::{
-    Device, DeviceEnd, DeviceSolution, DeviceSystem, DeviceTangent, OnDevice, Origin,
+    Device, DeviceEnd, DeviceSeries, DeviceSolution, DeviceSystem, DeviceTangent, OnDevice, Origin,
+    SERIES_LANES,
 };
 use direct::{Direct, Excluded};
 use factor::TangentFactor;

@@ -1,7 +1,7 @@
 //! A device that forms tangents, or takes them; and one that is lost in the middle of a solve.
 
 use super::*;
-use crate::body::ProgrammedCells;
+use crate::body::{ProgrammedCells, ProgrammedSeries};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 /// A device that works so many times and is then lost: it solves by elimination, in double precision. It forms the
@@ -38,6 +38,10 @@ impl Device for Fragile {
             rows: Vec::new(),
             left: AtomicUsize::new(self.0),
         }))
+    }
+
+    fn series(&self, _: &ProgrammedSeries<'_>) -> Result<Box<dyn DeviceSeries>, String> {
+        Err("it expands nothing".to_string())
     }
 }
 

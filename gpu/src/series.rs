@@ -1,0 +1,374 @@
+//! Force along series of displacements: the right-hand sides of the asymptotic numerical method on the device.
+//!
+//! A series in one variable `t` is `u = u_0 + t u_1 + t^2 u_2 + ...`, about the base state `u_0`, the same for all. For the
+//! coefficients below degree p the device returns the coefficient of degree p of the internal force, as it is with
+//! `u_p = 0`. Lower degrees of what the law computes are not kept between degrees: to compute them again is cheaper than
+//! to store them for every cell.
+
+mod source;
+
+use crate::Error;
+use crate::cells::{Solid, geometry};
+use crate::clusters::Clusters;
+use crate::commands::workgroups;
+use crate::device::Gpu;
+use crate::driver::{Buffer, Group, Kernel};
+use crate::gathered::Gathered;
+use crate::law::{ELEMENTARY, Law};
+use crate::program::Program;
+use std::sync::Arc;
+pub use viscera_device::SERIES_LANES;
+
+/// Highest degree, that of a reduced model.
+const MOST_DEGREES: usize = 8;
+
+/// What the forces of the cells may take on a device that binds more [bytes].
+const MOST_BYTES: u64 = 256 << 20;
+
+/// The energy of dilatation of the cells of clusters.
+#[derive(Clone, Copy, Debug)]
+pub struct Dilatation<'a> {
+    /// `s U(J)`, or a function of `I1` where the ratio is `(I1 - 1) / 2`.
+    pub energy: &'a Program,
+    /// One row of parameters for all cells, or one row per cell.
+    pub parameters: &'a [Vec<f64>],
+}
+
+/// A body whose force is expanded in series.
+pub struct SeriesBuffers {
+    gpu: Arc<Gpu>,
+    sources: Sources,
+    base: Buffer,
+    cells: Buffer,
+    geometry: Buffer,
+    parameters: Buffer,
+    starts: Buffer,
+    parts: Buffer,
+    clusters: Option<ClusterBuffers>,
+    n_cells: usize,
+    n_nodes: usize,
+    /// Buffers of a pass, for a number of groups and a degree.
+    pass: Option<Pass>,
+}
+
+/// The part of the kernels' source that is of the law.
+struct Sources {
+    energy: Program,
+    rows: Vec<Vec<f64>>,
+    dilatation: Option<(Program, usize)>,
+}
+
+struct ClusterBuffers {
+    of: Buffer,
+    starts: Buffer,
+    members: Buffer,
+    /// The part of the cluster's volume that each member has.
+    parts: Buffer,
+    parameters: Buffer,
+    count: usize,
+}
+
+/// Memory for some groups of series to a degree.
+struct Pass {
+    groups: usize,
+    degree: usize,
+    displacement: Buffer,
+    response: Buffer,
+    force: Buffer,
+    ratios: Buffer,
+    pressures: Buffer,
+}
+
+impl SeriesBuffers {
+    /// A body about a base state; `dilatation` where cells share their volume ratio.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the body is not sound, or its law has no energy; too little memory; a fault of the driver.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        solid: &Solid<'_>,
+        dilatation: Option<Dilatation<'_>>,
+        base: &[f64],
+    ) -> Result<Self, Error> {
+        solid.check()?;
+        let (n_cells, n_nodes) = (solid.cells.len(), solid.points.len());
+        let Law::Energy(energy) = solid.law else {
+            return Err(Error::Input("a law without an energy has no series".to_string()));
+        };
+        if base.len() != 3 * n_nodes || !base.iter().all(|u| u.is_finite()) {
+            return Err(Error::Input(format!(
+                "a base state of {} values for {n_nodes} nodes; it takes three finite ones for each",
+                base.len()
+            )));
+        }
+        if dilatation.is_some() != solid.clusters.is_some() {
+            return Err(Error::Input("clusters go with an energy of dilatation".to_string()));
+        }
+        let clusters = solid.clusters.zip(dilatation);
+        let clusters = clusters.map(|(c, d)| ClusterBuffers::new(gpu, solid, c, d)).transpose()?;
+        let shapes = solid.cells.iter().flat_map(|&cell| geometry(solid.points, cell));
+        let shapes: Vec<f32> = shapes.map(|x| x as f32).collect();
+        let corners: Vec<u32> = solid.cells.as_flattened().to_vec();
+        let at_nodes = Gathered::by_number(n_nodes, &corners);
+        let base: Vec<f32> = base.iter().map(|&u| u as f32).collect();
+        let n_parameters = solid.law.n_parameters();
+        Ok(SeriesBuffers {
+            gpu: gpu.clone(),
+            base: gpu.buffer("base state", &base)?,
+            cells: gpu.buffer("cells", solid.cells)?,
+            geometry: gpu.buffer("shapes of cells", &shapes)?,
+            parameters: gpu.buffer("parameters", &flat(solid.parameters, n_parameters))?,
+            starts: gpu.buffer("cells of nodes", &at_nodes.starts)?,
+            parts: gpu.buffer("cells of nodes", &at_nodes.parts)?,
+            sources: Sources {
+                energy: energy.clone(),
+                rows: solid.parameters.to_vec(),
+                dilatation: dilatation
+                    .map(|d| (d.energy.clone(), stride(d.parameters, d.energy.n_parameters()))),
+            },
+            clusters,
+            n_cells,
+            n_nodes,
+            pass: None,
+        })
+    }
+
+    /// Writes `N_p` of groups of [`SERIES_LANES`] series, over all degrees of freedom. `displacement` holds
+    /// `u_1 ... u_(p-1)` of each group.
+    ///
+    /// # Errors
+    /// Runs of the wrong length, or not finite; too little memory; a fault of the device.
+    pub fn force(
+        &mut self,
+        degree: usize,
+        displacement: &[f32],
+        force: &mut [f32],
+    ) -> Result<(), Error> {
+        let run = 3 * self.n_nodes * SERIES_LANES;
+        let is_sound = (2..=MOST_DEGREES).contains(&degree)
+            && force.len().is_multiple_of(run)
+            && displacement.len() == (degree - 1) * force.len();
+        if !is_sound {
+            return Err(Error::Input(format!(
+                "{} displacements and {} forces of degree {degree} for {} nodes",
+                displacement.len(),
+                force.len(),
+                self.n_nodes
+            )));
+        }
+        let most = self.groups_at_once(degree);
+        let groups = (force.len() / run).min(most);
+        if !self.pass.as_ref().is_some_and(|p| p.degree == degree && p.groups >= groups) {
+            self.pass = None; // its memory is free before the next takes some
+            self.pass = Some(self.new_pass(degree, groups)?);
+        }
+        let parts = displacement.chunks((degree - 1) * run * groups);
+        for (displacement, force) in parts.zip(force.chunks_mut(run * groups)) {
+            self.expand(displacement, force)?;
+        }
+        if force.iter().all(|f| f.is_finite()) {
+            return Ok(());
+        }
+        Err(Error::Input(format!(
+            "coefficients of degree {degree} that single precision cannot hold"
+        )))
+    }
+
+    /// Groups whose buffers the device binds, at least one.
+    fn groups_at_once(&self, degree: usize) -> usize {
+        let values = (12 * self.n_cells)
+            .max((degree + 1) * self.n_cells)
+            .max(3 * (degree - 1) * self.n_nodes);
+        let bytes = (4 * SERIES_LANES * values) as u64;
+        (self.gpu.largest_binding().min(MOST_BYTES) / bytes).max(1) as usize
+    }
+
+    fn new_pass(&self, degree: usize, groups: usize) -> Result<Pass, Error> {
+        let zeros = |what, values| self.gpu.zeros::<f32>(what, SERIES_LANES * groups * values);
+        let shares = |count: usize| if self.clusters.is_some() { (degree + 1) * count } else { 0 };
+        Ok(Pass {
+            groups,
+            degree,
+            displacement: zeros("series of displacements", 3 * (degree - 1) * self.n_nodes)?,
+            response: zeros("forces of cells", 12 * self.n_cells)?,
+            force: zeros("forces", 3 * self.n_nodes)?,
+            ratios: zeros("volume ratios of cells", shares(self.n_cells))?,
+            pressures: zeros(
+                "pressures of clusters",
+                shares(self.clusters.as_ref().map_or(0, |c| c.count)),
+            )?,
+        })
+    }
+
+    fn expand(&self, displacement: &[f32], force: &mut [f32]) -> Result<(), Error> {
+        let Some(pass) = &self.pass else { unreachable!("made by the caller") };
+        let (gpu, groups) = (&self.gpu, force.len() / (3 * self.n_nodes * SERIES_LANES));
+        let count = self.clusters.as_ref().map_or(0, |clusters| clusters.count);
+        let size = [self.n_cells, self.n_nodes, groups, count].map(|n| n as u32);
+        let size = gpu.uniform(&size);
+        gpu.write(&pass.displacement, displacement);
+        let mut commands = gpu.commands();
+        let threads = |each: usize| workgroups(SERIES_LANES * groups * each, usize::MAX);
+        if let Some(clusters) = &self.clusters {
+            let (kernel, group) = self.ratios(pass, &size)?;
+            commands.dispatch(&kernel, &group, threads(self.n_cells));
+            let (kernel, group) = self.pressures(pass, clusters, &size)?;
+            commands.dispatch(&kernel, &group, threads(count));
+        }
+        let (kernel, group) = self.stresses(pass, &size)?;
+        commands.dispatch(&kernel, &group, threads(self.n_cells));
+        let gather = gpu.kernel(include_str!("kernels/series_gather.wgsl"), "gather_series")?;
+        let bound = [&pass.response, &self.starts, &self.parts, &pass.force, &size];
+        commands.dispatch(&gather, &gpu.bind(&gather, &bound), threads(3 * self.n_nodes));
+        let found = commands.read(&[(&pass.force, force.len())])?.remove(0);
+        force.copy_from_slice(bytemuck::cast_slice(&found));
+        Ok(())
+    }
+
+    /// The buffers that all kernels of cells read.
+    fn of_cells<'a>(&'a self, pass: &'a Pass) -> [(u32, &'a Buffer); 4] {
+        [(0, &pass.displacement), (1, &self.base), (2, &self.cells), (3, &self.geometry)]
+    }
+
+    fn stresses(&self, pass: &Pass, size: &Buffer) -> Result<(Kernel, Group), Error> {
+        let source = self.sources.stresses(pass.degree + 1);
+        let kernel = self.gpu.kernel(&source, "expand_stresses")?;
+        let mut bound = self.of_cells(pass).to_vec();
+        bound.extend([(5, &pass.response), (6, size)]);
+        if source.contains("parameters[") {
+            bound.push((4, &self.parameters));
+        }
+        if let Some(clusters) = &self.clusters {
+            bound.extend([(7, &pass.pressures), (8, &clusters.of)]);
+        }
+        let group = self.gpu.bind_at(&kernel, &bound);
+        Ok((kernel, group))
+    }
+
+    fn ratios(&self, pass: &Pass, size: &Buffer) -> Result<(Kernel, Group), Error> {
+        let source = self.sources.ratios(pass.degree + 1);
+        let kernel = self.gpu.kernel(&source, "expand_ratios")?;
+        let mut bound = self.of_cells(pass).to_vec();
+        bound.extend([(5, &pass.ratios), (6, size)]);
+        let group = self.gpu.bind_at(&kernel, &bound);
+        Ok((kernel, group))
+    }
+
+    fn pressures(
+        &self,
+        pass: &Pass,
+        clusters: &ClusterBuffers,
+        size: &Buffer,
+    ) -> Result<(Kernel, Group), Error> {
+        let source = self.sources.pressures(pass.degree + 1);
+        let kernel = self.gpu.kernel(&source, "expand_pressures")?;
+        let ClusterBuffers { starts, members, parts, parameters, .. } = clusters;
+        let mut bound = vec![(0, &pass.ratios), (1, starts), (2, members), (3, parts)];
+        bound.extend([(5, &pass.pressures), (6, size)]);
+        if source.contains("parameters[") {
+            bound.push((4, parameters));
+        }
+        let group = self.gpu.bind_at(&kernel, &bound);
+        Ok((kernel, group))
+    }
+}
+
+/// WGSL of the pressure around a cell.
+const ALONE: &str = "fn pressure_of(at: Place) -> Series { return constant(0.0); }";
+const IN_CLUSTERS: &str = include_str!("kernels/series_shared.wgsl");
+const CELLS: &str = include_str!("kernels/series.wgsl");
+
+impl Sources {
+    fn stresses(&self, n: usize) -> String {
+        let energy = source::slopes(&self.energy, &self.rows);
+        let stride = stride(&self.rows, self.energy.n_parameters());
+        let around = if self.dilatation.is_some() { IN_CLUSTERS } else { ALONE };
+        let parts = [
+            &format!("const STRIDE = {stride}u;"),
+            &source::arithmetic(n),
+            ELEMENTARY,
+            &source::gradients(n),
+            &energy,
+            CELLS,
+            include_str!("kernels/series_stresses.wgsl"),
+            around,
+        ];
+        parts.join("\n")
+    }
+
+    fn ratios(&self, n: usize) -> String {
+        let dilatation =
+            self.dilatation.as_ref().map(|(energy, _)| source::shared_invariant(energy));
+        let parts = [
+            &source::arithmetic(n),
+            ELEMENTARY,
+            &source::gradients(n),
+            CELLS,
+            dilatation.as_deref().unwrap_or_default(),
+            include_str!("kernels/series_ratios.wgsl"),
+        ];
+        parts.join("\n")
+    }
+
+    fn pressures(&self, n: usize) -> String {
+        let Some((energy, stride)) = &self.dilatation else { return String::new() };
+        let parts = [
+            &format!("const STRIDE = {stride}u;"),
+            &source::arithmetic(n),
+            ELEMENTARY,
+            &source::slope(energy),
+            include_str!("kernels/series_clusters.wgsl"),
+        ];
+        parts.join("\n")
+    }
+}
+
+impl ClusterBuffers {
+    fn new(
+        gpu: &Gpu,
+        solid: &Solid<'_>,
+        clusters: Clusters<'_>,
+        dilatation: Dilatation<'_>,
+    ) -> Result<Self, Error> {
+        let n_parameters = dilatation.energy.n_parameters();
+        let rows = dilatation.parameters;
+        let fits = rows.len() == 1 || rows.len() == solid.cells.len();
+        if !fits || rows.iter().any(|row| row.len() < n_parameters) {
+            return Err(Error::Input(format!(
+                "{} rows of parameters of the dilatation, which reads {n_parameters}, for {} cells",
+                rows.len(),
+                solid.cells.len()
+            )));
+        }
+        let count = clusters.len();
+        let volume_of = |cell: usize| geometry(solid.points, solid.cells[cell])[9];
+        let mut volumes = vec![0.0; count];
+        clusters
+            .of
+            .iter()
+            .enumerate()
+            .for_each(|(cell, &c)| volumes[c as usize] += volume_of(cell));
+        let members = Gathered::by_number(count, clusters.of);
+        let part = |&cell: &u32| {
+            (volume_of(cell as usize) / volumes[clusters.of[cell as usize] as usize]) as f32
+        };
+        let parts: Vec<f32> = members.parts.iter().map(part).collect();
+        Ok(ClusterBuffers {
+            of: gpu.buffer("clusters of cells", clusters.of)?,
+            starts: gpu.buffer("cells of clusters", &members.starts)?,
+            members: gpu.buffer("cells of clusters", &members.parts)?,
+            parts: gpu.buffer("cells of clusters", &parts)?,
+            parameters: gpu.buffer("parameters", &flat(rows, n_parameters))?,
+            count,
+        })
+    }
+}
+
+/// From a cell's parameters to the next one's.
+fn stride(rows: &[Vec<f64>], n_parameters: usize) -> usize {
+    if rows.len() == 1 { 0 } else { n_parameters }
+}
+
+fn flat(rows: &[Vec<f64>], n_parameters: usize) -> Vec<f32> {
+    rows.iter().flat_map(|row| &row[..n_parameters]).map(|&p| p as f32).collect()
+}
