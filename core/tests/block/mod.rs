@@ -29,6 +29,7 @@ pub fn block() -> ReducedModel {
         pade: true,
         memory: 1e9,
         preload: Vec::new(),
+        device: None,
         user,
     };
     reduction.run(&body, &surface, &fixed, &mut |_| true).unwrap()

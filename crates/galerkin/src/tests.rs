@@ -60,6 +60,7 @@ fn galerkin(
         tolerance: 1e-4,
         pade: true,
         memory: 1e9,
+        device: None,
         preload,
         user,
     };

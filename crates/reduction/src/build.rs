@@ -98,15 +98,14 @@ impl Reduction {
         }
         self.check(diagonal)?;
         let expand = |member: &Member<'a>| {
-            Ok(Expanded {
-                positions: Positions::new(surface, &self.touchable, fixed, member.radius)?,
-                expansion: preload::expansion(
-                    member.body,
-                    fixed,
-                    &self.preload,
-                    self.next_order(),
-                )?,
-            })
+            let positions = Positions::new(surface, &self.touchable, fixed, member.radius)?;
+            let order = self.next_order();
+            let expansion = preload::expansion(member.body, fixed, &self.preload, order)?;
+            let expansion = match &self.device {
+                Some(device) => expansion.on_device(device),
+                None => expansion,
+            };
+            Ok(Expanded { positions, expansion })
         };
         let members: Vec<Expanded> = match family {
             Some(family) => family.members.iter().map(expand).collect::<Result<_, Error>>()?,

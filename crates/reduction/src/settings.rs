@@ -1,6 +1,8 @@
 //! Settings of a reduction, and its progress.
 
 use crate::body::Body;
+use crate::series::SeriesDevice;
+use std::sync::Arc;
 use viscera_touch::{Notes, Parameter};
 
 /// Settings of a reduction.
@@ -25,6 +27,8 @@ pub struct Reduction {
     /// Displacement of the loaded equilibrium that touches start from, three values for each
     /// node [m]; its dead load stays. Empty: touches start from rest.
     pub preload: Vec<f64>,
+    /// Where the internal force is expanded, if not on the processor.
+    pub device: Option<Arc<SeriesDevice>>,
     /// Kept in the metadata.
     pub user: Notes,
 }

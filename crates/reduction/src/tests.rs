@@ -56,6 +56,7 @@ fn settings() -> Reduction {
         tolerance: TOLERANCE,
         pade: false,
         memory: 1e9,
+        device: None,
         preload: Vec::new(),
         user: Notes::new(r#"{"note": "a block"}"#).unwrap(),
     }

@@ -8,7 +8,7 @@ mod touch;
 
 pub use crate::number::Pade;
 pub use path::{Continuation, Expansion, Parameter};
-pub use touch::{Fields, TouchExpansion, TouchSeries};
+pub use touch::{Fields, SeriesDevice, TouchExpansion, TouchSeries};
 
 #[cfg(test)]
 use viscera_law as law;

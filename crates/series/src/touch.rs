@@ -8,9 +8,12 @@
 //! where `N_a` is the coefficient of the internal force with `u_a = 0`, and `e_a` is the unit vector of a first-order
 //! term and zero otherwise. Several load positions are processed side by side.
 
+mod directions;
 mod fields;
+mod on_device;
 
 pub use self::fields::Fields;
+pub use self::on_device::SeriesDevice;
 use crate::body::Body;
 use crate::equilibrium::ConstrainedSystem;
 use crate::error::Error;
@@ -20,6 +23,7 @@ use crate::tensor::{Mat3, inverse};
 use crate::unroll::tabulate;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// The series of one load position.
 pub struct TouchSeries {
@@ -37,6 +41,7 @@ pub struct TouchExpansion<'a> {
     system: ConstrainedSystem,
     base: Vec<f64>,
     order: usize,
+    device: Option<on_device::Expanded>,
 }
 
 impl<'a> TouchExpansion<'a> {
@@ -49,7 +54,14 @@ impl<'a> TouchExpansion<'a> {
             return Err(Error::input(format!("order {order}; it must be between 1 and 8")));
         }
         let system = ConstrainedSystem::at(body, &base, fixed)?;
-        Ok(TouchExpansion { body, system, base, order })
+        Ok(TouchExpansion { body, system, base, order, device: None })
+    }
+
+    /// The same with the internal force expanded on a device, in single precision. Where the device does not take the body,
+    /// or fails, the processor goes on, and [`SeriesDevice::fault`] says why.
+    pub fn on_device(mut self, device: &Arc<SeriesDevice>) -> Self {
+        self.device = on_device::Expanded::new(device, self.body, &self.base);
+        self
     }
 
     /// Highest order.
@@ -241,12 +253,17 @@ impl<'a> Block<'a> {
     }
 
     fn solve_degree(&mut self, degree: usize) -> Result<(), Error> {
-        let (system, body) = (&self.expansion.system, self.expansion.body);
+        let TouchExpansion { system, body, device, .. } = self.expansion;
         let (terms, n) = (self.terms, system.n_free());
         let table = Monomials::of(3, degree);
         let top = table.of_degree(degree);
         let mut nonlinear = vec![Wide::default(); body.n_dofs() * top.len()];
-        body.force_series(table, &self.displacement, terms, &mut nonlinear);
+        let of_device = device
+            .as_ref()
+            .is_some_and(|device| device.force(degree, &self.displacement, terms, &mut nonlinear));
+        if !of_device {
+            body.force_series(table, &self.displacement, terms, &mut nonlinear);
+        }
 
         let mut fields = vec![0.0; n * top.len() * self.patches.len()];
         for rows in blocks(n) {

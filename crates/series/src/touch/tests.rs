@@ -1,11 +1,16 @@
 //! The series against their definition and against Newton's method.
 
 use super::*;
-use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem, patch_mean};
+use crate::body::{ProgrammedCells, ProgrammedSeries};
+use crate::equilibrium::{
+    Device, DeviceSeries, DeviceSystem, Newton, OnDevice, PatchLoad, Pressure, Problem,
+    SERIES_LANES, patch_mean,
+};
 use crate::law::samples::{analytic, uniform};
 use crate::mesh::samples::block;
 use crate::mesh::{Surface, surface};
-use crate::number::evaluate_monomials;
+use crate::number::{Lanes, evaluate_monomials};
+use viscera_solid::element::Element;
 
 const SIZE: [f64; 3] = [0.04, 0.03, 0.03];
 
@@ -200,4 +205,112 @@ fn what_cannot_be_expanded_is_refused() {
     assert!(error.contains("lies on fixed points only"), "{error}");
     let floating = TouchExpansion::new(&body, &[], vec![0.0; body.n_dofs()], 2);
     assert!(matches!(floating, Err(Error::Factor(_))), "nothing fixed: the tangent is singular");
+}
+
+/// A device that is exact but for the rounding of what it is given, for so many calls.
+struct Exact {
+    calls: usize,
+}
+
+struct ExactSeries {
+    body: Body,
+    base: Vec<f64>,
+    left: usize,
+}
+
+impl Device for Exact {
+    fn system(
+        &self,
+        _: usize,
+        _: &[(u32, u32)],
+        _: Option<&ProgrammedCells<'_>>,
+    ) -> Result<Box<dyn DeviceSystem>, String> {
+        Err("it only expands".to_string())
+    }
+
+    fn series(&self, body: &ProgrammedSeries<'_>) -> Result<Box<dyn DeviceSeries>, String> {
+        let shared = body.dilatation.is_some();
+        let element = if shared { Element::P1MeanVolume } else { Element::P1 };
+        let (points, cells) = (body.cells.points.to_vec(), body.cells.cells.to_vec());
+        let body_of = Body::with_element(element, points, cells, uniform("neo_hookean")).unwrap();
+        let base = body.base.to_vec();
+        Ok(Box::new(ExactSeries { body: body_of, base, left: self.calls }))
+    }
+}
+
+impl DeviceSeries for ExactSeries {
+    fn force(&mut self, degree: usize, given: &[f32], force: &mut [f32]) -> Result<(), String> {
+        self.left = self.left.checked_sub(1).ok_or("it is lost")?;
+        let (table, n) = (Monomials::of(1, degree), self.base.len());
+        let run = n * SERIES_LANES;
+        for (given, force) in given.chunks(run * (degree - 1)).zip(force.chunks_mut(run)) {
+            let at = |k: usize, dof: usize| match k {
+                0 => Lanes([self.base[dof]; SERIES_LANES]),
+                k if k < degree => Lanes(std::array::from_fn(|lane| {
+                    f64::from(given[SERIES_LANES * ((k - 1) * n + dof) + lane])
+                })),
+                _ => Wide::default(),
+            };
+            let of_dof = |dof: usize| (0..=degree).map(move |k| at(k, dof));
+            let displacement: Vec<Wide> = (0..n).flat_map(of_dof).collect();
+            let mut exact = vec![Wide::default(); n];
+            self.body.force_series(table, &displacement, degree + 1, &mut exact);
+            let exact = exact.iter().flat_map(|wide| wide.0).map(|f| f as f32);
+            force.iter_mut().zip(exact).for_each(|(force, exact)| *force = exact);
+        }
+        Ok(())
+    }
+}
+
+/// Through directions and back, to rounding in single precision, about rest and about a loaded shape; and on the processor
+/// where the device is lost on the way.
+#[test]
+fn a_device_expands_along_directions() {
+    for element in [Element::P1, Element::P1MeanVolume] {
+        let (points, cells) = block([4, 3, 3], SIZE);
+        let body = Body::with_element(element, points, cells, uniform("neo_hookean")).unwrap();
+        let (fixed, patches) = (bottom(&body), patches(&body, 3));
+        let patches: Vec<&Patch> = patches.iter().collect();
+        let stretched = |dof: usize| 0.03 * body.points()[dof / 3][2] * f64::from(dof % 3 == 2);
+        let loaded: Vec<f64> = (0..body.n_dofs()).map(stretched).collect();
+        for base in [vec![0.0; body.n_dofs()], loaded] {
+            let new = || TouchExpansion::new(&body, &fixed, base.clone(), 5).unwrap();
+            let exact = new().expand(&patches, 5).unwrap();
+            for (calls, fault) in [(usize::MAX, None), (2, Some("it is lost"))] {
+                let device = OnDevice(Box::leak(Box::new(Exact { calls })));
+                let device = Arc::new(SeriesDevice::new(device));
+                let found = new().on_device(&device).expand(&patches, 5).unwrap();
+                assert_eq!(device.fault(), fault);
+                for (found, exact) in found.iter().zip(&exact) {
+                    for (found, exact) in found.displacement.iter().zip(exact.displacement.iter()) {
+                        let size = distance(exact, &vec![0.0; exact.len()]);
+                        assert!(distance(found, exact) < 1e-4 * size);
+                    }
+                }
+                let is_same =
+                    found.iter().zip(&exact).all(|(a, b)| a.displacement == b.displacement);
+                assert!(!is_same, "{calls}: the device was not asked");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_device_that_does_not_take_the_body_says_why() {
+    for (element, law, why) in [
+        (Element::P2, "neo_hookean", "the element is \"P2\""),
+        (Element::P1, "linear", "the law is no function of invariants"),
+        (Element::P1, "ogden", "the law has powers of the principal stretches"),
+    ] {
+        let (points, cells) = block([2, 2, 2], SIZE);
+        let body = Body::with_element(element, points, cells, uniform(law)).unwrap();
+        let (fixed, patches) = (bottom(&body), patches(&body, 1));
+        let new = || TouchExpansion::new(&body, &fixed, vec![0.0; body.n_dofs()], 3).unwrap();
+        let device = OnDevice(Box::leak(Box::new(Exact { calls: usize::MAX })));
+        let device = Arc::new(SeriesDevice::new(device));
+        let found = new().on_device(&device).expand(&[&patches[0]], 3).unwrap();
+        assert!(device.fault().is_some_and(|fault| fault.ends_with(why)), "{:?}", device.fault());
+        let exact = new().expand(&[&patches[0]], 3).unwrap();
+        assert!(found[0].displacement == exact[0].displacement);
+    }
 }
