@@ -133,6 +133,7 @@ bench-gpu: $(development) $(gpu_library) ## kernels, frames and solutions on the
 	$(CARGO) run $(cargo_gpu) --target-dir target --example bench
 	$(BIN)/python benchmarks/gpu.py
 	$(BIN)/python benchmarks/gpu_accuracy.py
+	$(BIN)/python benchmarks/gpu_reduce.py
 
 sanitize: $(development) c-library ## the C programs under address, undefined behaviour and thread sanitizers
 	$(BIN)/pytest $(c_tests) -k sanitizers

@@ -275,8 +275,9 @@ class Body:
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
         batches: Batches | None = None,  # keeps finished positions; None = nobody does
-    ) -> Model:
-        """The reduced model of all positions of a touchable surface."""
+        on_gpu: bool = False,  # whether a graphics processor expands the force
+    ) -> tuple[Model, str | None]:
+        """The reduced model of all positions of a touchable surface, and the fault of the device."""
 
 class Live:
     """A case in real time for one page (live/): requests in, frames out; raises `ValueError` with a sentence."""

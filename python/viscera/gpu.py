@@ -20,7 +20,7 @@ def load() -> None:
     if not LIBRARY.exists():
         raise VisceraError(
             "this build of viscera has no library for graphics processors; "
-            'build it with `make GPU=1 setup`, or choose solver="cg"'
+            "build it with `make GPU=1 setup`, or choose another solver"
         )
     _core.load_gpu(str(LIBRARY))
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from viscera import _core, defaults
+from viscera import _core, defaults, gpu
 from viscera.checkpoint import Batches, Checkpoint, fingerprint
 from viscera.errors import VisceraError
 from viscera.law import StrainEnergy
@@ -19,7 +19,7 @@ from viscera.parts import notes
 from viscera.pgd import Pgd, separate
 from viscera.preload import preload_of
 from viscera.progress import Progress, shown
-from viscera.quantity import Flag, Number, Whole, refused
+from viscera.quantity import Choice, Flag, Number, Whole, refused
 from viscera.select import length
 from viscera.state import State
 from viscera.statics import TOLERANCE
@@ -30,6 +30,7 @@ from viscera.vary import Vary
 
 ORDER = Whole(2, 8)
 MEMORY = Number("bytes", above=0)
+SOLVER = Choice(("cholesky", "gpu"))
 
 
 class Reducible(Supported):
@@ -46,6 +47,7 @@ class Reducible(Supported):
         tolerance: float = defaults.TOLERANCE,
         pade: bool = True,
         memory: float = defaults.MEMORY,
+        solver: str = "cholesky",
         start: State | None = None,
         vary: Vary | None = None,
         checkpoint: Checkpoint | str | os.PathLike[str] | None = None,
@@ -66,6 +68,9 @@ class Reducible(Supported):
         memory: what the positions in progress may take [bytes]; organ, factor and finished positions come on top, and
             the check with a factor for each thread. Where it is small, fewer threads work at a time, down to one; the
             model is the same.
+        solver: "cholesky"; or "gpu": the right-hand sides of the series come from the graphics processor, in single
+            precision (docs/gpu.md), and the processor solves and compresses. What the device has no kernels for, the
+            processor computes, with a warning.
         start: a stable equilibrium under dead loads, which remain during the touches; by default rest. Contact points,
             patches and lengths are then those of the loaded shape; displacements and forces are what the touch adds.
         vary: a parameter for which the model covers a range of values; `Touch.at` sets it.
@@ -85,6 +90,11 @@ class Reducible(Supported):
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
         order, tolerance, pade = ORDER(order, "order"), TOLERANCE(tolerance, "tolerance"), Flag()(pade, "pade")
         memory = MEMORY(memory, "memory")
+        on_gpu = SOLVER(solver, "solver") == "gpu"
+        if on_gpu and executor is not None:
+            raise VisceraError('the workers of an executor have solver="cholesky"; leave one of the two out')
+        if on_gpu:
+            gpu.load()
         if vary is not None and not isinstance(vary, Vary):
             raise refused("vary", 'a viscera.Vary, such as Vary("young", 1e3, 1e5)', vary)
         if start is not None and not isinstance(start, State):
@@ -112,22 +122,23 @@ class Reducible(Supported):
             "pade": pade,
         }
         settings = {"touchable": nodes, **numbers, "memory": memory, "preload": preload}
-        with (
-            nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, numbers, family) as kept
-        ):
+        words = {**numbers, "solver": "gpu"} if on_gpu else numbers
+        with nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, words, family) as kept:
             batches: _core.Batches | None = kept
             if executor is not None:
                 from viscera.offline import Finished, Offline
 
                 offline = Offline(organ, vary and vary.on(self.mesh), settings)
                 batches = Finished(offline.batches(executor, kept, progress))
-            model = organ._body.reduce(
+            model, fault = organ._body.reduce(
                 **settings,
                 family=family,
                 metadata=json.dumps(notes(self.mesh)),
                 on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
                 batches=batches,
+                on_gpu=on_gpu,
             )
+        gpu.report(fault)
         return Touch(model)
 
     def _batches(
@@ -135,12 +146,12 @@ class Reducible(Supported):
         checkpoint: Checkpoint | str | os.PathLike[str],
         nodes: Indices,
         preload: Floats | None,
-        numbers: dict[str, Any],
+        settings: dict[str, Any],
         family: dict[str, Any] | None,
     ) -> AbstractContextManager[Batches]:
         """The kept batches of this reduction."""
         keeper = checkpoint if isinstance(checkpoint, Checkpoint) else Checkpoint(checkpoint)
-        words = {"law": self.law.name, "element": self.element, **numbers}
+        words = {"law": self.law.name, "element": self.element, **settings}
         if family is not None:
             members = [[value, radius] for value, _, radius in family["members"]]
             words["family"] = [family["name"], family["value"], family["cells"], members]

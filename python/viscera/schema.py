@@ -120,6 +120,11 @@ REDUCE = Table(
         ),
         "pade": Key(Flag(), "sum the series in its Padé form", "true"),
         "memory": Key(reducible.MEMORY, "what positions in progress may take", f"{defaults.MEMORY:g}"),
+        "solver": Key(
+            reducible.SOLVER,
+            "where the right-hand sides of the series are computed: the processor or the device",
+            '"cholesky"',
+        ),
         "start": Key(Choice(STARTS), "state that touches start from", '"rest"; required if there is a `[scan]`'),
         "vary": Key(Varied(), "range of a parameter that the model covers", "none"),
     },

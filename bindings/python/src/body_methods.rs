@@ -5,6 +5,7 @@ use crate::family::FamilyArguments;
 use crate::{
     contact,
     convert::{self, VisceraError},
+    gpu,
     law::Law,
     mesh::Patch,
     model::Model,
@@ -15,11 +16,12 @@ use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyRe
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use viscera_core::contact::Contact;
 use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Newton, Origin, PatchLoad, Problem};
 use viscera_core::reduced::{Batches, Notes, Progress, Reduction};
-use viscera_core::series::{Continuation, Parameter};
+use viscera_core::series::{Continuation, Parameter, SeriesDevice};
 use viscera_core::{body, mesh};
 
 /// Deformation gradients and stresses (m, q, 3, 3), energy densities (m, q).
@@ -267,7 +269,7 @@ impl Body {
         })
     }
 
-    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, memory, preload, family, metadata, on_progress, batches=None))]
+    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, memory, preload, family, metadata, on_progress, batches=None, on_gpu=false))]
     #[allow(clippy::too_many_arguments)]
     fn reduce(
         &self,
@@ -284,14 +286,27 @@ impl Body {
         metadata: &str,
         on_progress: Option<Py<PyAny>>,
         batches: Option<Py<PyAny>>,
-    ) -> PyResult<Model> {
+        on_gpu: bool,
+    ) -> PyResult<(Model, Option<String>)> {
         let user = Notes::new(metadata)
             .map_err(|e| VisceraError::new_err(format!("metadata is not JSON: {e}")))?;
         let touchable = touchable.as_array().to_vec();
         let n = self.body.points().len();
         let preload = preload.map_or(Ok(Vec::new()), |u| convert::dofs("preload", &u, n))?;
-        let reduction =
-            Reduction { touchable, radius, depth, order, tolerance, pade, memory, preload, user };
+        let device = on_gpu.then(gpu::device).transpose()?;
+        let device = device.map(|device| Arc::new(SeriesDevice::new(device)));
+        let reduction = Reduction {
+            touchable,
+            radius,
+            depth,
+            order,
+            tolerance,
+            pade,
+            memory,
+            preload,
+            device: device.clone(),
+            user,
+        };
         let (mut watch, mut kept) = (Watch::new(on_progress), Kept { batches, raised: None });
         let result = py.detach(|| {
             let mut report = |p: Progress| watch.report((p.done, p.total, p.stage));
@@ -301,7 +316,10 @@ impl Body {
         });
         match kept.raised {
             Some(raised) => Err(raised),
-            None => Ok(Model { model: watch.outcome(result)? }),
+            None => {
+                let fault = device.as_ref().and_then(|device| device.fault());
+                Ok((Model { model: watch.outcome(result)? }, fault.map(str::to_string)))
+            }
         }
     }
 
