@@ -280,3 +280,20 @@ fn random_devices_get_finite_forces_in_the_cone_and_no_energy() {
     assert!(seen[..3].iter().all(|&n| n > 100) && seen[3..] == [0, 0], "{seen:?}");
     assert!(work > 0.0, "friction takes energy: {work} J");
 }
+
+/// Below a block of which the top alone may be touched, and beside it.
+#[test]
+fn behind_the_organ_it_is_free_and_within_it_is_not() {
+    let model = block();
+    let [x, y, z] = SIZE;
+    for (place, grip) in [
+        ([0.5 * x, 0.5 * y, -1.0], Grip::Free),
+        ([0.5 * x, 0.5 * y, -1e-4], Grip::Free),
+        ([-1e-4, -1e-4, -1e-4], Grip::Free),
+        ([-1e-3, 0.5 * y, 0.3 * z], Grip::Free),
+        ([0.5 * x, 0.5 * y, 0.3 * z], Grip::Inside),
+        ([1e-4, 1e-4, 1e-4], Grip::Inside),
+    ] {
+        assert_eq!(probe(&model, 0.3).place(&model, place).grip, grip, "{place:?}");
+    }
+}

@@ -6,6 +6,7 @@
 
 mod around;
 mod arrays;
+mod balance;
 mod check;
 mod checksum;
 mod combine;
@@ -30,10 +31,12 @@ mod press;
 mod probe;
 mod probe_group;
 mod resummation;
+mod return_mapping;
 mod skin;
 mod supports;
 mod surface;
 mod walk;
+mod worth;
 
 pub use arrays::{Answers, Arrays};
 pub use contact::Contact;

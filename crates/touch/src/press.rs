@@ -1,9 +1,9 @@
 //! A sphere pressed into the surface along a normal, and what of its motion the patch of a model follows.
 
-use super::evaluate::Answer;
 use super::model::ReducedModel;
-use viscera_mesh::{cross, dot, norm};
-use viscera_number::tensor::{Mat3, mul_vector};
+use viscera_mesh::{cross, dot, norm, sub};
+use viscera_number::tensor::{Mat3, inverse, mul_vector};
+use viscera_number::unroll::tabulate;
 
 /// Of the radius of the contact that Hertz predicts, and the squared edges of the mesh that a contact has at least.
 /// Both are fitted to the paths of `benchmarks/probe.py tuning`.
@@ -20,8 +20,10 @@ const UNRESOLVED: f64 = 0.45;
 /// A sphere pressed into the surface along a normal.
 pub(super) struct Press {
     pub normal: [f64; 3],
-    /// Part of the motion of the sphere that the patch follows, and its derivative.
+    /// Part of the motion of the sphere that the patch follows, its derivative by how far the sphere has entered, and the
+    /// derivative of the depth of the patch.
     share: f64,
+    growth: f64,
     slope: f64,
     depth: f64,
     /// Error of the force, relative to its norm, that comes from the patch in place of the contact.
@@ -30,15 +32,21 @@ pub(super) struct Press {
 
 impl Press {
     pub fn new(model: &ReducedModel, radius: f64, entered: f64, normal: [f64; 3]) -> Self {
-        let per = SHARE / model.metadata.radius;
-        let disc = (radius * entered + GRAIN * model.edge_length.powi(2)).sqrt();
-        let (share, slope) = match per * disc {
-            share if share < 1.0 => (share, share + 0.5 * per * radius * entered / disc),
-            _ => (1.0, 1.0),
+        Self::of([model.metadata.radius, model.edge_length], radius, entered, normal)
+    }
+
+    /// Of a patch of this radius on a mesh with edges of this length.
+    fn of([patch, edge]: [f64; 2], radius: f64, entered: f64, normal: [f64; 3]) -> Self {
+        let per = SHARE / patch;
+        let disc = (radius * entered + GRAIN * edge.powi(2)).sqrt();
+        let (share, growth) = match per * disc {
+            share if share < 1.0 => (share, 0.5 * per * radius / disc),
+            _ => (1.0, 0.0),
         };
-        let unresolved = UNRESOLVED * model.edge_length / (radius * entered).sqrt();
+        let unresolved = UNRESOLVED * edge / (radius * entered).sqrt();
         let error = CONTACT_ERROR.max(unresolved);
-        Press { normal, share, slope, depth: share * entered, error }
+        let (slope, depth) = (share + growth * entered, share * entered);
+        Press { normal, share, growth, slope, depth, error }
     }
 
     pub fn displacement(&self, drag: [f64; 3]) -> [f64; 3] {
@@ -73,11 +81,137 @@ impl Press {
         std::array::from_fn(|i| a * plane[0][i] + b * plane[1][i])
     }
 
-    pub fn stiffness(&self, answer: &Answer, sticks: bool) -> [f64; 2] {
-        let k: &Mat3<f64> = &answer.stiffness;
-        let normal = dot(self.normal, mul_vector(k, &self.normal));
-        let along = 0.5 * (k[0][0] + k[1][1] + k[2][2] - normal);
-        let share = if sticks { self.share } else { 0.0 };
-        [(self.slope * normal).max(0.0), (share * along).max(0.0)]
+    /// Derivative of the force with respect to the centre, of a sphere that holds the surface. The patch follows by
+    /// `d = share (t - g n)`, the drag by what the centre moves along the surface, and `g` by what it moves down:
+    ///   `dF/dx = K (share P + (g share)' n n^T - share' t n^T)`,   `P = I - n n^T`.
+    pub fn stuck(&self, stiffness: &Mat3<f64>, drag: [f64; 3]) -> Mat3<f64> {
+        let n = self.normal;
+        let of_normal: [f64; 3] =
+            std::array::from_fn(|i| (self.slope - self.share) * n[i] - self.growth * drag[i]);
+        let of_normal = mul_vector(stiffness, &of_normal);
+        tabulate!(|i, j| self.share * stiffness[i][j] + of_normal[i] * n[j])
+    }
+
+    /// The same where the tissue slips by `s` along the surface so that `F_t = mu F_n e`. With the derivative `J` of a sphere
+    /// that holds, the direction `e` turns with that of the force before the slip, of which a part `kept` is left:
+    ///   `share (P K P + mu e n^T K P) ds = (e e^T + (1 - kept) (P - e e^T) + mu e n^T) J dx`,   `dF = J dx - share K ds`.
+    pub fn sliding(
+        &self,
+        stiffness: &Mat3<f64>,
+        drag: [f64; 3],
+        [friction, kept]: [f64; 2],
+        along: [f64; 3],
+    ) -> Mat3<f64> {
+        let (n, size) = (self.normal, norm(along));
+        let e = along.map(|x| if size > 0.0 { x / size } else { 0.0 });
+        let stuck = self.stuck(stiffness, drag);
+        let plane = tabulate!(|i, j| f64::from(u8::from(i == j)) - n[i] * n[j]);
+        let onto = |a: &Mat3<f64>| -> [f64; 3] {
+            std::array::from_fn(|j| (0..3).map(|i| n[i] * a[i][j]).sum())
+        };
+        let flat = product(stiffness, &plane);
+        let (flat_along, flat_onto) = (product(&plane, &flat), onto(&flat));
+        let slips = tabulate!(|i, j| {
+            self.share * (flat_along[i][j] + friction * e[i] * flat_onto[j]) + n[i] * n[j]
+        });
+        let drives = tabulate!(|i, j| {
+            let across = plane[i][j] - e[i] * e[j];
+            e[i] * e[j] + (1.0 - kept) * across + friction * e[i] * n[j]
+        });
+        // Tissue near an instability does not say where to slip to.
+        let Some(inverse) = inverse(&slips) else { return stuck };
+        let slip = product(&inverse, &product(&drives, &stuck));
+        let freed = product(&flat, &slip);
+        tabulate!(|i, j| stuck[i][j] - self.share * freed[i][j])
+    }
+}
+
+fn product(a: &Mat3<f64>, b: &Mat3<f64>) -> Mat3<f64> {
+    tabulate!(|i, j| (0..3).map(|k| a[i][k] * b[k][j]).sum())
+}
+
+/// The point on the line from one to another that is at most a length away from the first.
+pub(super) fn within(from: [f64; 3], to: [f64; 3], length: f64) -> [f64; 3] {
+    let line = sub(to, from);
+    let size = norm(line);
+    if size <= length {
+        return to;
+    }
+    let part = if size.is_finite() { length / size } else { 0.0 };
+    std::array::from_fn(|i| from[i] + part * line[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A patch that resists more along one direction than along another, and couples them with the normal [N/m].
+    const STIFFNESS: Mat3<f64> =
+        [[900.0, 50.0, 260.0], [50.0, 300.0, -90.0], [260.0, -90.0, 500.0]];
+    const NORMAL: [f64; 3] = [0.48, -0.6, 0.64];
+    const DRAG: [f64; 3] = [2e-3, 1e-3, -0.5625e-3]; // along the surface
+
+    /// A sphere of 10 mm that has entered by 4 mm, moved.
+    fn moved(by: [f64; 3], patch: f64) -> (Press, [f64; 3]) {
+        let press = Press::of([patch, 2e-3], 0.01, 4e-3 - dot(NORMAL, by), NORMAL);
+        let along = press.along(by);
+        (press, std::array::from_fn(|i| DRAG[i] + along[i]))
+    }
+
+    fn force(press: &Press, drag: [f64; 3]) -> [f64; 3] {
+        mul_vector(&STIFFNESS, &press.displacement(drag))
+    }
+
+    /// The drag once the tissue has slipped, and what is left of the force along the surface.
+    fn slipped(press: &Press, mut drag: [f64; 3], friction: f64) -> ([f64; 3], f64) {
+        let first = norm(press.along(force(press, drag)));
+        for _ in 0..200 {
+            let now = force(press, drag);
+            let (along, bound) = (press.along(now), -friction * dot(now, press.normal));
+            let excess = along.map(|x| x * (1.0 - bound / norm(along).max(1e-300)));
+            drag = sub(drag, press.slip(&STIFFNESS, excess));
+        }
+        (drag, norm(press.along(force(press, drag))) / first)
+    }
+
+    fn assert_is_derivative(found: &Mat3<f64>, force: impl Fn([f64; 3]) -> [f64; 3]) {
+        let h = 1e-7;
+        let largest = found.as_flattened().iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        for j in 0..3 {
+            let by = |h: f64| std::array::from_fn(|i| if i == j { h } else { 0.0 });
+            let (more, less) = (force(by(h)), force(by(-h)));
+            for i in 0..3 {
+                let exact = (more[i] - less[i]) / (2.0 * h);
+                assert!(
+                    (found[i][j] - exact).abs() < 1e-5 * largest,
+                    "{i}{j}: {} {exact}",
+                    found[i][j]
+                );
+            }
+        }
+    }
+
+    /// With a patch of which the sphere moves a part, and with one of which it moves the whole.
+    #[test]
+    fn derivatives_of_the_force_are_those_of_the_sphere() {
+        for patch in [0.012, 0.004] {
+            let (press, drag) = moved([0.0; 3], patch);
+            assert!((press.share < 1.0) == (patch > 0.01) && dot(drag, NORMAL).abs() < 1e-18);
+            assert_is_derivative(&press.stuck(&STIFFNESS, drag), |by| {
+                let (press, drag) = moved(by, patch);
+                force(&press, drag)
+            });
+            for friction in [0.0, 0.2] {
+                let (slid, kept) = slipped(&press, drag, friction);
+                assert!(kept < 0.9 && (friction == 0.0 || kept > 0.1), "{kept}");
+                let along = press.along(force(&press, slid));
+                let along = if friction > 0.0 { along } else { [0.0; 3] };
+                let found = press.sliding(&STIFFNESS, slid, [friction, kept], along);
+                assert_is_derivative(&found, |by| {
+                    let (press, drag) = moved(by, patch);
+                    force(&press, slipped(&press, drag, friction).0)
+                });
+            }
+        }
     }
 }

@@ -2,10 +2,14 @@
 
 use super::around::Around;
 use super::ground::normal_of;
-use viscera_mesh::{TriangleTree, dot, sub};
+use std::f64::consts::PI;
+use viscera_mesh::{TriangleTree, cross, dot, norm, sub};
 
 /// Triangles in a sphere beyond which none is looked for in a tick: they would take longer than the touch.
 const MOST: usize = 2000;
+
+/// Points whose distances, or weights, differ by less than this part are the same.
+const SAME: f64 = 1e-9;
 
 /// The triangles of the surface, by node.
 #[derive(Clone, Debug)]
@@ -87,6 +91,32 @@ impl Skin {
         }
         facing.iter().any(|&triangle| last[triangle as usize] == found)
     }
+}
+
+impl Skin {
+    /// Whether a place is outside the organ: above the closest point of its surface, by the normals of all triangles that have
+    /// the point, each weighted by its angle there (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005)
+    /// 243).
+    pub fn is_outside(&self, points: &[[f64; 3]], at: [f64; 3]) -> bool {
+        let Some(closest) = self.tree.closest(points, &self.triangles, at) else { return true };
+        let away = sub(at, closest.point);
+        let reach = norm(away) * (1.0 + SAME);
+        let mut up = 0.0;
+        self.tree.visit_within(points, &self.triangles, at, reach, |near| {
+            let corners = self.triangles[near.triangle as usize].map(|node| points[node as usize]);
+            let normal = normal_of(corners);
+            up += angle(&corners, near.barycentric) * dot(normal, away) / norm(normal);
+            true
+        });
+        up > 0.0
+    }
+}
+
+/// The angle of a triangle at a point of it that is a corner; on an edge half a turn.
+fn angle(corners: &[[f64; 3]; 3], weights: [f64; 3]) -> f64 {
+    let Some(k) = weights.iter().position(|&w| w > 1.0 - SAME) else { return PI };
+    let [a, b] = [1, 2].map(|i| sub(corners[(k + i) % 3], corners[k]));
+    norm(cross(a, b)).atan2(dot(a, b))
 }
 
 impl Marks {
