@@ -12,7 +12,7 @@ use crate::cells::{Solid, geometry};
 use crate::clusters::Clusters;
 use crate::commands::workgroups;
 use crate::device::Gpu;
-use crate::driver::{Buffer, Group, Kernel};
+use crate::driver::{Buffer, Kernel};
 use crate::gathered::Gathered;
 use crate::law::{ELEMENTARY, Law};
 use crate::program::Program;
@@ -47,8 +47,18 @@ pub struct SeriesBuffers {
     clusters: Option<ClusterBuffers>,
     n_cells: usize,
     n_nodes: usize,
-    /// Buffers of a pass, for a number of groups and a degree.
-    pass: Option<Pass>,
+    /// By degree, those that were needed.
+    kernels: [Option<Kernels>; MOST_DEGREES + 1],
+    room: Option<Room>,
+}
+
+/// The kernels of a degree, and whether they read parameters.
+#[derive(Clone)]
+struct Kernels {
+    stresses: (Kernel, bool),
+    ratios: Option<Kernel>,
+    pressures: Option<(Kernel, bool)>,
+    gather: Kernel,
 }
 
 /// The part of the kernels' source that is of the law.
@@ -68,8 +78,8 @@ struct ClusterBuffers {
     count: usize,
 }
 
-/// Memory for some groups of series to a degree.
-struct Pass {
+/// Memory for some groups of series, up to a degree.
+struct Room {
     groups: usize,
     degree: usize,
     displacement: Buffer,
@@ -129,7 +139,8 @@ impl SeriesBuffers {
             clusters,
             n_cells,
             n_nodes,
-            pass: None,
+            kernels: Default::default(),
+            room: None,
         })
     }
 
@@ -156,15 +167,14 @@ impl SeriesBuffers {
                 self.n_nodes
             )));
         }
-        let most = self.groups_at_once(degree);
-        let groups = (force.len() / run).min(most);
-        if !self.pass.as_ref().is_some_and(|p| p.degree == degree && p.groups >= groups) {
-            self.pass = None; // its memory is free before the next takes some
-            self.pass = Some(self.new_pass(degree, groups)?);
+        let groups = (force.len() / run).min(self.groups_at_once());
+        self.make_room(degree, groups)?;
+        if self.kernels[degree].is_none() {
+            self.kernels[degree] = Some(self.sources.kernels(&self.gpu, degree + 1)?);
         }
         let parts = displacement.chunks((degree - 1) * run * groups);
         for (displacement, force) in parts.zip(force.chunks_mut(run * groups)) {
-            self.expand(displacement, force)?;
+            self.expand(degree, displacement, force)?;
         }
         if force.iter().all(|f| f.is_finite()) {
             return Ok(());
@@ -174,102 +184,74 @@ impl SeriesBuffers {
         )))
     }
 
-    /// Groups whose buffers the device binds, at least one.
-    fn groups_at_once(&self, degree: usize) -> usize {
-        let values = (12 * self.n_cells)
-            .max((degree + 1) * self.n_cells)
-            .max(3 * (degree - 1) * self.n_nodes);
+    /// Groups whose buffers the device binds at any degree, at least one.
+    fn groups_at_once(&self) -> usize {
+        let values = (12 * self.n_cells).max(3 * (MOST_DEGREES - 1) * self.n_nodes);
         let bytes = (4 * SERIES_LANES * values) as u64;
         (self.gpu.largest_binding().min(MOST_BYTES) / bytes).max(1) as usize
     }
 
-    fn new_pass(&self, degree: usize, groups: usize) -> Result<Pass, Error> {
+    fn make_room(&mut self, degree: usize, groups: usize) -> Result<(), Error> {
+        let (degree, groups) = match &self.room {
+            Some(room) if room.degree >= degree && room.groups >= groups => return Ok(()),
+            Some(room) => (degree.max(room.degree), groups.max(room.groups)),
+            None => (degree, groups),
+        };
+        self.room = None; // its memory is free before the next takes some
         let zeros = |what, values| self.gpu.zeros::<f32>(what, SERIES_LANES * groups * values);
-        let shares = |count: usize| if self.clusters.is_some() { (degree + 1) * count } else { 0 };
-        Ok(Pass {
+        let count = self.clusters.as_ref().map_or(0, |clusters| clusters.count);
+        let ratios = if count > 0 { (degree + 1) * self.n_cells } else { 0 };
+        self.room = Some(Room {
             groups,
             degree,
             displacement: zeros("series of displacements", 3 * (degree - 1) * self.n_nodes)?,
             response: zeros("forces of cells", 12 * self.n_cells)?,
             force: zeros("forces", 3 * self.n_nodes)?,
-            ratios: zeros("volume ratios of cells", shares(self.n_cells))?,
-            pressures: zeros(
-                "pressures of clusters",
-                shares(self.clusters.as_ref().map_or(0, |c| c.count)),
-            )?,
-        })
+            ratios: zeros("volume ratios of cells", ratios)?,
+            pressures: zeros("pressures of clusters", (degree + 1) * count)?,
+        });
+        Ok(())
     }
 
-    fn expand(&self, displacement: &[f32], force: &mut [f32]) -> Result<(), Error> {
-        let Some(pass) = &self.pass else { unreachable!("made by the caller") };
+    /// A pass: as many groups as there is room for.
+    fn expand(&self, degree: usize, displacement: &[f32], force: &mut [f32]) -> Result<(), Error> {
+        let (Some(room), Some(kernels)) = (&self.room, &self.kernels[degree]) else {
+            unreachable!("made by the caller")
+        };
         let (gpu, groups) = (&self.gpu, force.len() / (3 * self.n_nodes * SERIES_LANES));
         let count = self.clusters.as_ref().map_or(0, |clusters| clusters.count);
         let size = [self.n_cells, self.n_nodes, groups, count].map(|n| n as u32);
         let size = gpu.uniform(&size);
-        gpu.write(&pass.displacement, displacement);
+        gpu.write(&room.displacement, displacement);
         let mut commands = gpu.commands();
-        let threads = |each: usize| workgroups(SERIES_LANES * groups * each, usize::MAX);
-        if let Some(clusters) = &self.clusters {
-            let (kernel, group) = self.ratios(pass, &size)?;
-            commands.dispatch(&kernel, &group, threads(self.n_cells));
-            let (kernel, group) = self.pressures(pass, clusters, &size)?;
-            commands.dispatch(&kernel, &group, threads(count));
+        let mut dispatch = |kernel: &Kernel, bound: &[(u32, &Buffer)], each: usize| {
+            let workgroups = workgroups(SERIES_LANES * groups * each, usize::MAX);
+            commands.dispatch(kernel, &gpu.bind_at(kernel, bound), workgroups);
+        };
+        let of_cells =
+            [(0, &room.displacement), (1, &self.base), (2, &self.cells), (3, &self.geometry)];
+        let mut around = [&of_cells[..], &[(5, &room.response), (6, &size)]].concat();
+        if let (Some(clusters), Some(ratios), Some((pressures, reads_parameters))) =
+            (&self.clusters, &kernels.ratios, &kernels.pressures)
+        {
+            let bound = [&of_cells[..], &[(5, &room.ratios), (6, &size)]].concat();
+            dispatch(ratios, &bound, self.n_cells);
+            let ClusterBuffers { starts, members, parts, .. } = clusters;
+            let mut bound = vec![(0, &room.ratios), (1, starts), (2, members), (3, parts)];
+            bound.extend(reads_parameters.then_some((4, &clusters.parameters)));
+            bound.extend([(5, &room.pressures), (6, &size)]);
+            dispatch(pressures, &bound, count);
+            around.extend([(7, &room.pressures), (8, &clusters.of)]);
         }
-        let (kernel, group) = self.stresses(pass, &size)?;
-        commands.dispatch(&kernel, &group, threads(self.n_cells));
-        let gather = gpu.kernel(include_str!("kernels/series_gather.wgsl"), "gather_series")?;
-        let bound = [&pass.response, &self.starts, &self.parts, &pass.force, &size];
-        commands.dispatch(&gather, &gpu.bind(&gather, &bound), threads(3 * self.n_nodes));
-        let found = commands.read(&[(&pass.force, force.len())])?.remove(0);
+        let (stresses, reads_parameters) = &kernels.stresses;
+        around.extend(reads_parameters.then_some((4, &self.parameters)));
+        dispatch(stresses, &around, self.n_cells);
+        let bound = [&room.response, &self.starts, &self.parts, &room.force, &size];
+        let bound: Vec<_> = (0..).zip(bound).collect();
+        dispatch(&kernels.gather, &bound, 3 * self.n_nodes);
+        let found = commands.read(&[(&room.force, force.len())])?.remove(0);
         force.copy_from_slice(bytemuck::cast_slice(&found));
         Ok(())
-    }
-
-    /// The buffers that all kernels of cells read.
-    fn of_cells<'a>(&'a self, pass: &'a Pass) -> [(u32, &'a Buffer); 4] {
-        [(0, &pass.displacement), (1, &self.base), (2, &self.cells), (3, &self.geometry)]
-    }
-
-    fn stresses(&self, pass: &Pass, size: &Buffer) -> Result<(Kernel, Group), Error> {
-        let source = self.sources.stresses(pass.degree + 1);
-        let kernel = self.gpu.kernel(&source, "expand_stresses")?;
-        let mut bound = self.of_cells(pass).to_vec();
-        bound.extend([(5, &pass.response), (6, size)]);
-        if source.contains("parameters[") {
-            bound.push((4, &self.parameters));
-        }
-        if let Some(clusters) = &self.clusters {
-            bound.extend([(7, &pass.pressures), (8, &clusters.of)]);
-        }
-        let group = self.gpu.bind_at(&kernel, &bound);
-        Ok((kernel, group))
-    }
-
-    fn ratios(&self, pass: &Pass, size: &Buffer) -> Result<(Kernel, Group), Error> {
-        let source = self.sources.ratios(pass.degree + 1);
-        let kernel = self.gpu.kernel(&source, "expand_ratios")?;
-        let mut bound = self.of_cells(pass).to_vec();
-        bound.extend([(5, &pass.ratios), (6, size)]);
-        let group = self.gpu.bind_at(&kernel, &bound);
-        Ok((kernel, group))
-    }
-
-    fn pressures(
-        &self,
-        pass: &Pass,
-        clusters: &ClusterBuffers,
-        size: &Buffer,
-    ) -> Result<(Kernel, Group), Error> {
-        let source = self.sources.pressures(pass.degree + 1);
-        let kernel = self.gpu.kernel(&source, "expand_pressures")?;
-        let ClusterBuffers { starts, members, parts, parameters, .. } = clusters;
-        let mut bound = vec![(0, &pass.ratios), (1, starts), (2, members), (3, parts)];
-        bound.extend([(5, &pass.pressures), (6, size)]);
-        if source.contains("parameters[") {
-            bound.push((4, parameters));
-        }
-        let group = self.gpu.bind_at(&kernel, &bound);
-        Ok((kernel, group))
     }
 }
 
@@ -279,6 +261,24 @@ const IN_CLUSTERS: &str = include_str!("kernels/series_shared.wgsl");
 const CELLS: &str = include_str!("kernels/series.wgsl");
 
 impl Sources {
+    /// The kernels of series with `n` coefficients.
+    fn kernels(&self, gpu: &Gpu, n: usize) -> Result<Kernels, Error> {
+        let kernel = |source: &str, entry| {
+            Ok::<_, Error>((gpu.kernel(source, entry)?, source.contains("parameters[")))
+        };
+        let has_clusters = self.dilatation.is_some();
+        let of_clusters = |source: fn(&Self, usize) -> String, entry| {
+            has_clusters.then(|| kernel(&source(self, n), entry)).transpose()
+        };
+        let gather = include_str!("kernels/series_gather.wgsl");
+        Ok(Kernels {
+            stresses: kernel(&self.stresses(n), "expand_stresses")?,
+            ratios: of_clusters(Self::ratios, "expand_ratios")?.map(|(kernel, _)| kernel),
+            pressures: of_clusters(Self::pressures, "expand_pressures")?,
+            gather: gpu.kernel(gather, "gather_series")?,
+        })
+    }
+
     fn stresses(&self, n: usize) -> String {
         let energy = source::slopes(&self.energy, &self.rows);
         let stride = stride(&self.rows, self.energy.n_parameters());
