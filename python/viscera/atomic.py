@@ -92,16 +92,28 @@ def replacing(path: Name) -> Iterator[Path]:
             yield scratch
             _pour(scratch, target)
         return
-    target = Path(os.path.realpath(target))
-    _sweep(target.parent)
-    scratch = target.with_name(f".viscera-{secrets.token_hex(8)}.part{target.suffix}")
+    whole = Path(os.path.realpath(target))
+    _sweep(whole.parent)
+    scratch = whole.with_name(f".viscera-{secrets.token_hex(8)}.part{whole.suffix}")
+    with _refusing(target):  # before the writer does, whose error would name the scratch file
+        scratch.touch(exist_ok=False)
     try:
         yield scratch
-        if target.exists():
-            shutil.copymode(target, scratch)
-        scratch.replace(target)
+        with _refusing(target):
+            if whole.exists():
+                shutil.copymode(whole, scratch)
+            scratch.replace(whole)
     finally:
         scratch.unlink(missing_ok=True)
+
+
+@contextmanager
+def _refusing(target: Path) -> Iterator[None]:
+    """An error of the system becomes one that names the file which was to be written."""
+    try:
+        yield
+    except OSError as error:
+        raise VisceraError(f"{target}: no file can be written there ({error.strerror})") from error
 
 
 def _is_same(one: Path, other: Path) -> bool:

@@ -23,6 +23,7 @@ import numpy as np
 
 from viscera import _core
 from viscera.errors import VisceraError
+from viscera.quantity import path_of
 
 RECORD = struct.Struct("<QQ")
 SUFFIX = ".batches"
@@ -35,7 +36,7 @@ class Checkpoint:
     """
 
     def __init__(self, path: str | os.PathLike[str], say: Callable[[str], None] = warnings.warn) -> None:
-        self.path = Path(path)
+        self.path = path_of(path, "the file of finished batches")
         self.say = say
 
     @contextmanager

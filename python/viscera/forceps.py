@@ -79,6 +79,7 @@ class Forceps:
         self._squeeze: tuple[float, float] | None = None
         self._stiffness = 0.0
         self._told: JawForces | None = None
+        self._answered: JawForces | None = None
         self._is_there = True
         made: list[Instrument] = []
         try:
@@ -232,11 +233,14 @@ class Forceps:
         self._set(self.position, self.rotation, _opening(max(self.opening + by, 0.0)))
         self._squeeze = None
 
-    def _adjust(self) -> None:
-        """Before a frame: the opening that brings the grip nearer to the force asked for."""
+    def _must_be_whole(self) -> None:
         if not all(jaw in self._stepper._tools for jaw in self.jaws):
             raise VisceraError("a jaw of forceps was removed by itself; call remove() of the forceps")
-        if self._squeeze is None or self._told is None:
+
+    def _adjust(self) -> None:
+        """Before a frame: the opening that brings the grip nearer to the force asked for."""
+        # Once for each grip that was told: a frame that broke off has told nothing, and the jaws have moved already.
+        if self._squeeze is None or self._told is None or self._told is self._answered:
             return
         force, by = self._squeeze
         missing = force - self._told.grip
@@ -245,6 +249,7 @@ class Forceps:
         step = by if missing > 0.0 else -by
         if self._stiffness > 0.0:
             step = float(np.clip(CAUTION * missing / self._stiffness, -by, by))
+        self._answered = self._told
         self._set(self.position, self.rotation, max(self.opening - step, 0.0))
 
     def _learn(self, last: JawForces) -> None:

@@ -15,6 +15,7 @@ from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.progress import shown
+from viscera.quantity import Number, Whole, numbers_of, refused
 from viscera.select import offset
 from viscera.select import point as point_of
 
@@ -22,7 +23,10 @@ if TYPE_CHECKING:
     from viscera.organ import Organ
     from viscera.touch import Touch
 
-Touches = Sequence[tuple[ArrayLike, ArrayLike]]
+BUDGET = Number("s", low=0.0, high=1e19)
+"""As many seconds as the clock of the core can count."""
+TOLERANCE = Number(above=0, below=1)
+Touches = Sequence[tuple[ArrayLike, ArrayLike]] | Floats
 """For each touch its contact point (3,) at rest [m] and its displacement (3,) [m]."""
 
 
@@ -155,7 +159,7 @@ class HyperReducedModel:
     ) -> GalerkinAnswer:
         """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
 
-        displacements: (k, 3) [m].
+        displacements: (k, 3) [m], or in words: `[(0, 0, "-10 mm"), ...]`.
         from_last: start from the last solution instead of the superposed series, for a moving hand. This is faster,
             but if there is more than one equilibrium, the answer depends on the path.
         stiffness: whether to compute the stiffness, which takes one more tangent.
@@ -163,8 +167,9 @@ class HyperReducedModel:
             and the next search with `from_last` continues. At least one step is always taken, with a new tangent if it
             needs one.
         """
+        limit = None if budget is None else BUDGET(budget, "budget")
         return GalerkinAnswer(
-            self._grasp.solve(self._displacements(displacements), from_last, stiffness, budget), self._touch
+            self._grasp.solve(self._displacements(displacements), from_last, stiffness, limit), self._touch
         )
 
     def superposed(self, displacements: ArrayLike) -> Floats:
@@ -180,12 +185,21 @@ class HyperReducedModel:
         return f"HyperReducedModel({len(self.points)} contacts, {self.modes} modes, {self.cells} cells)"
 
     def _displacements(self, displacements: ArrayLike) -> Floats:
-        rows = np.ascontiguousarray(displacements, dtype=np.float64)
+        rows = numbers_of(displacements)
+        if rows is None:  # words are read one by one, which a haptic loop need not wait for
+            rows = self._in_words(displacements)
         if rows.shape != self.points.shape:
             raise VisceraError(
                 f"displacements have shape {rows.shape}; one (3,) for each of the {len(self.points)} contacts is needed"
             )
         return rows
+
+    def _in_words(self, displacements: ArrayLike) -> Floats:
+        given = displacements.tolist() if isinstance(displacements, np.ndarray) else displacements
+        if not isinstance(given, list | tuple):
+            raise refused("displacements", f"(x, y, z) [m] for each of the {len(self.points)} contacts", displacements)
+        mesh = self._touch.mesh
+        return np.array([offset(row, mesh, f"the displacement of contact {k}") for k, row in enumerate(given)])
 
 
 class Galerkin:
@@ -209,19 +223,23 @@ class Galerkin:
         series, and improves while it is in use: snapshots are solved in the background, on all processors but one,
         first in rounds and then at the position of the tools.
         """
-        shape = np.shape(points)
+        try:
+            shape = np.shape(points)
+        except ValueError:
+            raise refused("contact points", "(k, 3) [m]", points) from None
         if shape[-1:] != (3,) or len(shape) > 2:
             raise VisceraError(f"contact points have shape {shape}; they must be (k, 3)")
+        if shape[0] == 0:
+            raise VisceraError("no contact; give at least one point of the touchable surface")
         given = [points] if len(shape) == 1 else list(points)  # type: ignore[arg-type]
         rows = np.array([point_of(row, self.touch.mesh, f"contact point {k}") for k, row in enumerate(given)])
         return HyperReducedModel(self._core.grasp(rows, wait), rows, self.touch)
 
     def solve(self, touches: Touches, *, stiffness: bool = True) -> GalerkinAnswer:
         """Answer to touches `[(point, displacement), ...]` [m]. The grasp is kept while the points are the same."""
-        if not touches:
-            raise VisceraError("no touch; give at least one (point, displacement)")
-        points = np.array([point_of(point, self.touch.mesh, "contact point") for point, _ in touches])
-        pushes = np.array([offset(push, self.touch.mesh, "contact displacement") for _, push in touches])
+        pairs = _pairs(touches)
+        points = np.array([point_of(point, self.touch.mesh, "contact point") for point, _ in pairs])
+        pushes = np.array([offset(push, self.touch.mesh, "contact displacement") for _, push in pairs])
         if self._last is None or not np.array_equal(self._last.points, points):
             self._last = self.grasp(points)
         return self._last.solve(pushes, stiffness=stiffness)
@@ -230,17 +248,26 @@ class Galerkin:
         return f"Galerkin({self.touch!r})"
 
 
+def _pairs(touches: Touches) -> list[tuple[ArrayLike, ArrayLike]]:
+    try:
+        pairs = [(point, push) for point, push in touches]
+    except (TypeError, ValueError):
+        raise refused("touches", "pairs (point, displacement)", touches) from None
+    if not pairs:
+        raise VisceraError("no touch; give at least one (point, displacement)")
+    return pairs
+
+
 @shown
 def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None, snapshots: int) -> Galerkin:
     """The model of `Touch.galerkin`."""
-    if not isinstance(order, int | np.integer):
-        raise VisceraError(f"order must be a whole number, got {order!r}")
+    order, tolerance = Whole(1, touch.order)(order, "order"), TOLERANCE(tolerance, "tolerance")
     if not isinstance(snapshots, int | np.integer) or snapshots < 0:
         raise VisceraError(f"snapshots must be a whole number of at least 0, got {snapshots!r}")
     core = _core.Galerkin(
         touch._model,
-        order=int(order),
-        tolerance=float(tolerance),
+        order=order,
+        tolerance=tolerance,
         depth=touch.depth if depth is None else float(depth),
         snapshots=int(snapshots),
     )

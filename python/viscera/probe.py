@@ -122,6 +122,7 @@ class RigidProbe:
         self.friction = Number(low=0.0, high=1e3)(friction, "the friction of a probe")
         self.position: Floats | None = None
         """Centre (3,) of the sphere [m]; None before it is placed."""
+        self._last: Felt | None = None
         if stiffness is None and damping != 0.0:
             raise VisceraError("a probe without stiffness= has no coupling that damping= could damp")
         coupling = None
@@ -190,11 +191,11 @@ class RigidProbe:
         'inside'
         """
         self._core.lift()
-        self.position = None
+        self.position = self._last = None
 
     def _felt(self, told: dict[str, Any]) -> Felt:
-        felt = Felt(self._touch, told)
-        self.position = felt.center
+        self._last = felt = Felt(self._touch, told)
+        self.position = felt.center.copy()  # what was told is the caller's, who may change it
         return felt
 
     def __repr__(self) -> str:
@@ -235,7 +236,6 @@ class Probes:
                 )
         self._touch = self.probes[0]._touch
         self._core = _core.Probes([probe._core for probe in self.probes])
-        self._felt: tuple[Felt, ...] = ()
 
     def place(self, positions: ArrayLike) -> tuple[Felt, ...]:
         """Put the centres of the spheres at (k, 3) [m], and tell what each feels there.
@@ -294,7 +294,8 @@ class Probes:
         >>> bool(hands.displacement[:, 2].min() < -0.01)
         True
         """
-        return sum((felt.displacement for felt in self._felt), np.zeros((len(self._touch.mesh.points), 3)))
+        fields = (probe._last.displacement for probe in self.probes if probe._last is not None)
+        return sum(fields, np.zeros((len(self._touch.mesh.points), 3)))
 
     def _vectors(self, values: ArrayLike, name: str) -> Floats:
         try:
@@ -306,8 +307,7 @@ class Probes:
         return np.array([vector(each, f"{name}, number {number}", "m") for number, each in enumerate(given)])
 
     def _told(self, told: list[dict[str, Any]]) -> tuple[Felt, ...]:
-        self._felt = tuple(probe._felt(each) for probe, each in zip(self.probes, told, strict=True))
-        return self._felt
+        return tuple(probe._felt(each) for probe, each in zip(self.probes, told, strict=True))
 
     def __repr__(self) -> str:
         return f"Probes({list(self.probes)})"

@@ -229,10 +229,12 @@ class Stepper:
         applied, acceleration = self._loads(force, traction, gravity, density)
         applied, torques = self._pulls(applied)
         for forceps in self._forceps:
-            forceps._adjust()
+            forceps._must_be_whole()
         self._press(by_place(pressure or {}, "pressure"))
         patches = self._motion.patches
         turns = [(k, arms) for k, patch in enumerate(patches) if (arms := turned.get(patch)) is not None]
+        for forceps in self._forceps:  # last: a frame that is refused leaves the jaws where they are
+            forceps._adjust()
         result = self._core.frame(
             values=values, means=means, turns=turns, force=applied, torques=torques, gravity=acceleration
         )

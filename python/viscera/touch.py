@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from functools import cached_property
-from math import comb
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,11 +18,11 @@ from viscera.atomic import replacing
 from viscera.display import Pictured
 from viscera.errors import VisceraError, refuse_case_file
 from viscera.filekind import model_path
-from viscera.mesh import Floats, Indices, Mesh, mesh
-from viscera.parts import cell_sets
+from viscera.mesh import Floats
 from viscera.quantity import Number, Whole, path_of, vector
 from viscera.select import Lengths, has_words, length, offset
 from viscera.select import point as point_of
+from viscera.stored import Stored
 from viscera.ties import Ties
 from viscera.vary import law_at
 
@@ -44,7 +41,7 @@ COMPRESSION = Number(above=0, below=1)
 """Tolerance of a smaller model."""
 
 
-class Touch(Pictured):
+class Touch(Stored, Pictured):
     """The reduced model of an organ: it answers touches anywhere on its touchable surface.
 
     Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] and the
@@ -59,10 +56,6 @@ class Touch(Pictured):
     >>> touch((1, 0.1, 0.1), (0, 0, -0.01)).is_trusted
     True
     """
-
-    def __init__(self, model: _core.Model) -> None:
-        self._model = model
-        self.metadata: dict[str, Any] = json.loads(model.metadata)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: the bytes of the model file."""
@@ -182,14 +175,15 @@ class Touch(Pictured):
     def galerkin(
         self,
         *,
-        order: int = defaults.GALERKIN_ORDER,
+        order: int | None = None,
         tolerance: float = defaults.GALERKIN_TOLERANCE,
         depth: float | str | None = None,
         snapshots: int = 0,
     ) -> Galerkin:
         """The model of several touches at once; see `viscera.galerkin`.
 
-        order: highest order of the series fields in its basis, at most the order of this model.
+        order: highest order of the series fields in its basis, at most the order of this model; by default 3, or the
+            order of this model if that is lower.
         tolerance: error of the forces of the sampled cells in training, relative to the forces of all cells.
         depth: largest displacement of a contact [m], or in words such as "5%" of the diagonal; by default this model's.
         snapshots: largest number of states that are solved on the whole organ when contacts take hold. They add to the
@@ -199,7 +193,7 @@ class Touch(Pictured):
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> touch = beam.reduce("tip", depth="2%", order=2)
-        >>> fingers = touch.galerkin(order=2)
+        >>> fingers = touch.galerkin()
         >>> held = fingers.solve([((1, 0, 0.1), (0, 0, -0.01)), ((1, 0.2, 0.1), (0, 0, 0.01))])
         >>> held.is_converged, held.force.shape
         (True, (2, 3))
@@ -207,6 +201,7 @@ class Touch(Pictured):
         from viscera.galerkin import galerkin
 
         depth = None if depth is None else length(depth, self.mesh.diagonal, "depth")
+        order = min(defaults.GALERKIN_ORDER, self.order) if order is None else order
         return galerkin(self, order, tolerance, depth, snapshots)
 
     def organ(self) -> Organ:
@@ -323,99 +318,6 @@ class Touch(Pictured):
         from viscera.viewer.notebook import PlayedTouch, widget
 
         return widget(PlayedTouch(self, name), height)
-
-    def summary(self) -> dict[str, Any]:
-        """The model in numbers: positions, terms of the series, modes, and the errors measured off-line.
-
-        `errors` are relative to the norm of the field, at the worst of the points that were tried; `worst_error` is the
-        largest of them.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> touch = beam.reduce("tip", depth="2%", order=2)
-        >>> summary = touch.summary()
-        >>> summary["positions"], summary["terms"], bool(summary["worst_error"] < 0.01)
-        (25, 9, True)
-        """
-        errors: dict[str, float] = self.metadata["errors"]
-        return {
-            "positions": len(self._model.array("positions")),
-            "terms": comb(self.order + 3, 3) - 1,
-            "modes": len(self._model.array("mode_scale")),
-            "errors": errors,
-            "worst_error": max(errors.values()),
-        }
-
-    @cached_property
-    def mesh(self) -> Mesh:
-        """The mesh in the shape before a touch, with its cell sets, and with midpoints if the element has them."""
-        if self.preload is None:
-            return self.rest
-        points = self._model.array("points")
-        points.flags.writeable = False
-        return replace(self.rest, points=points)
-
-    @cached_property
-    def rest(self) -> Mesh:
-        """The mesh at rest: `mesh`, unless the model has a preload."""
-        points, cells = self._model.array("points"), self._model.array("cells")
-        free = points if self.preload is None else points - self.preload
-        parts = cell_sets(self._notes, len(cells))
-        linear = replace(mesh(free[: int(cells.max()) + 1], cells, cell_sets=parts), axes=self._notes.get("axes", ""))
-        return linear.quadratic() if self.element == "P2" else linear
-
-    @property
-    def _notes(self) -> dict[str, Any]:
-        """What the writer of the file has added to the metadata."""
-        user = self.metadata.get("user")
-        return user if isinstance(user, dict) else {}
-
-    @cached_property
-    def preload(self) -> Floats | None:
-        """Displacement (n, 3) [m] from rest under the dead load that acts during the touches; None without one."""
-        displacement: Floats = self._model.array("preload")
-        return displacement if len(displacement) else None
-
-    @cached_property
-    def surface_nodes(self) -> Indices:
-        """Indices (k,) of the surface nodes."""
-        return np.asarray(self._model.array("surface_nodes"), dtype=np.uint32)
-
-    @cached_property
-    def touchable_triangles(self) -> Indices:
-        """Triangles (t, 3) of the surface that may be touched."""
-        positions, triangles = self._model.array("positions"), self._model.array("touchable")
-        return np.asarray(positions[triangles], dtype=np.uint32)
-
-    @cached_property
-    def _touchable(self) -> _core.Surface:
-        return _core.Surface(self.mesh.points, self.touchable_triangles)
-
-    @property
-    def element(self) -> str:
-        """The element of the full organ."""
-        return str(self.metadata.get("element", "P1"))
-
-    @property
-    def value(self) -> float | None:
-        """The value that the model's parameter is set to; None for a model without a parameter."""
-        parameter = self.metadata.get("parameter")
-        return None if parameter is None else float(parameter["value"])
-
-    @property
-    def radius(self) -> float:
-        """Radius of the contact patch [m]."""
-        return float(self.metadata["radius"])
-
-    @property
-    def depth(self) -> float:
-        """Largest contact displacement [m] that the model was built for."""
-        return float(self.metadata["depth"])
-
-    @property
-    def order(self) -> int:
-        """Total order of the series in the contact displacement."""
-        return int(self.metadata["order"])
 
     def _asked(self, question: Callable[..., T], at: Floats, *more: Any) -> T:
         """The core's answer for a point of the surface; its errors also name the nearest touchable point."""

@@ -50,6 +50,37 @@ def test_a_missing_folder_and_a_folder_in_the_way_are_named(tmp_path: Path) -> N
         put(tmp_path / "file" / "under", "")
 
 
+def test_a_file_that_cannot_be_opened_is_named_as_it_was_asked_for(tmp_path: Path) -> None:
+    """The scratch file, of which nobody has heard, stays out of the sentence."""
+    target = tmp_path / f"model.{'x' * 240}"  # a name so long that none longer can be made, which nothing says before
+    with pytest.raises(vs.VisceraError, match=r"model\.x+: no file can be written there \(.+\)$") as told:
+        put(target, "")
+    assert ".part" not in str(told.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="this system has no /proc")
+def test_a_folder_that_takes_no_files_is_one_sentence() -> None:
+    """Those who may do everything learn of it when the file is opened."""
+    with pytest.raises(vs.VisceraError, match=r"^/proc/x\.viscera: (no file can be written|you may not write)") as told:
+        put(Path("/proc/x.viscera"), "")
+    assert ".part" not in str(told.value)
+
+
+def blocked(target: Path) -> None:
+    with replacing(target) as scratch:
+        scratch.write_text("whole")
+        target.mkdir()
+
+
+def test_a_file_that_cannot_be_renamed_is_named_as_it_was_asked_for(tmp_path: Path) -> None:
+    target = tmp_path / "model.viscera"
+    with pytest.raises(vs.VisceraError, match=r"model\.viscera: no file can be written there \(.+\)$") as told:
+        blocked(target)
+    assert ".part" not in str(told.value)
+    assert list(tmp_path.iterdir()) == [target]
+
+
 def test_a_link_is_followed(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     link, target = tmp_path / "link.json", tmp_path / "folder" / "target.json"

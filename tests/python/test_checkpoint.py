@@ -122,6 +122,8 @@ def test_a_file_of_something_else_is_not_touched(organ: vs.Organ, tmp_path: Path
     with pytest.raises(vs.VisceraError, match="no file of finished batches"):
         organ.reduce(**SETTINGS, checkpoint=path)
     assert path.read_text() == "four years of work"
+    with pytest.raises(vs.VisceraError, match="the file of finished batches must be named by a text or a path, got 3"):
+        organ.reduce(**SETTINGS, checkpoint=3)  # type: ignore[arg-type]
     with pytest.raises(vs.VisceraError, match="batches cannot be kept there"):
         organ.reduce(**SETTINGS, checkpoint=tmp_path / "nowhere" / "beam.batches")
 

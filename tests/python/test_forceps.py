@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,6 +120,56 @@ def test_what_is_let_go_comes_back(organ: vs.Organ) -> None:
     assert stepper.frame().is_settled
     with pytest.raises(VisceraError, match="were not in this frame"):
         stepper.frame().force(forceps)
+
+
+def squeezing_softly(organ: vs.Organ) -> tuple[vs.Stepper, vs.Forceps]:
+    """Jaws that have told a first grip, which is too small, so that the next frame closes them by 0.5 mm."""
+    stepper, forceps = gripping(organ)
+    forceps.squeeze(GRIP, by=0.0005)
+    stepper.frame()
+    return stepper, forceps
+
+
+def test_a_refused_frame_leaves_the_jaws_where_they_are(organ: vs.Organ) -> None:
+    stepper, forceps = squeezing_softly(organ)
+    other = stepper.forceps(JAW, (0.02, 0.01, 0.2), opening=0.021)
+    for _ in range(5):
+        with pytest.raises(VisceraError, match="no node set 'nowhere'"):
+            stepper.frame(pressure={"nowhere": 1.0})
+    without_a_jaw(other)
+    for _ in range(5):
+        with pytest.raises(VisceraError, match="removed by itself"):
+            stepper.frame()
+    other.remove()
+    assert forceps.opening == 0.021
+    stepper.frame()
+    assert forceps.opening == pytest.approx(0.0205)
+
+
+class BrokenOff:
+    """A core whose frames are interrupted; all else is that of the true one."""
+
+    def __init__(self, core: Any) -> None:
+        self._core = core
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._core, name)
+
+    def frame(self, **_: Any) -> Any:
+        raise KeyboardInterrupt
+
+
+def test_frames_that_break_off_close_the_jaws_once(organ: vs.Organ, monkeypatch: pytest.MonkeyPatch) -> None:
+    stepper, forceps = squeezing_softly(organ)
+    with monkeypatch.context() as patch:
+        patch.setattr(stepper, "_core", BrokenOff(stepper._core))
+        for _ in range(5):
+            with pytest.raises(KeyboardInterrupt):
+                stepper.frame()
+    stepper.frame()
+    assert forceps.opening == pytest.approx(0.0205)
+    stepper.frame()
+    assert forceps.opening == pytest.approx(0.02)
 
 
 Act = Callable[[vs.Stepper, vs.Forceps], object]

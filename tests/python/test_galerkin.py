@@ -160,6 +160,8 @@ def test_a_gentle_touch_is_trusted(fingers: Galerkin) -> None:
         ([(LEFT, PUSHES[0]), (LEFT, PUSHES[1])], "so close"),
         ([(LEFT, (0.0, np.nan, 0.0))], "contact displacement"),
         ([((0.3, 0.05), PUSHES[0])], "contact point"),
+        (3, r"touches must be pairs \(point, displacement\), got 3"),
+        ([(LEFT,)], "touches must be pairs"),
     ],
 )
 def test_bad_touches_are_refused_in_a_sentence(fingers: Galerkin, touches: Any, words: str) -> None:
@@ -179,18 +181,54 @@ def test_a_search_that_runs_out_of_time_goes_on_in_the_next(fingers: Galerkin) -
     assert relative(steps[-1].force, whole.force) < 1e-4
     assert grasp.solve(PUSHES, budget=10.0).is_converged
     assert grasp.solve(PUSHES, budget=1e19).is_converged, "more seconds than the clock can count"
-    for budget in (-1.0, float("nan"), float("inf")):
+    for budget in (-1.0, float("nan"), float("inf"), "x", True):
         with pytest.raises(vs.VisceraError, match="budget"):
-            grasp.solve(PUSHES, budget=budget)
+            grasp.solve(PUSHES, budget=budget)  # type: ignore[arg-type]
+
+
+def test_a_model_of_low_order_serves_several_touches_by_default(organ: vs.Organ) -> None:
+    low = organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.05), radius=0.07, depth=0.02, order=2)
+    touches = [(LEFT, 0.1 * PUSHES[0]), (RIGHT, 0.1 * PUSHES[1])]
+    held = low.galerkin().solve(touches)
+    assert held.is_converged
+    assert held.force == pytest.approx(low.galerkin(order=2).solve(touches).force, rel=1e-9)
+
+
+def test_a_grasp_is_displaced_in_words_too(fingers: Galerkin) -> None:
+    grasp = fingers.grasp([LEFT, RIGHT])
+    by_numbers = grasp.solve(PUSHES)
+    for words in (
+        [["4 mm", 0, "-10 mm"], PUSHES[1]],
+        ["(4, 0, -10) mm", "(-3, 2, -12) mm"],
+        np.array([["4 mm", "0", "-10 mm"], ["-3 mm", "2 mm", "-12 mm"]]),
+    ):
+        assert grasp.solve(words).force == pytest.approx(by_numbers.force, rel=1e-4)
+    assert grasp.superposed(["(4, 0, -10) mm", PUSHES[1]]) == pytest.approx(grasp.superposed(PUSHES), abs=1e-12)
+    assert fingers.solve(np.array([[LEFT, PUSHES[0]], [RIGHT, PUSHES[1]]])).force == pytest.approx(by_numbers.force)
+
+
+@pytest.mark.parametrize(
+    ("displacements", "words"),
+    [
+        ([["1 ell", 0, 0], PUSHES[1]], "unit 'ell' is unknown"),
+        ([PUSHES[0], [0, "1 mm"]], "the displacement of contact 1 must be three lengths"),
+        ([PUSHES[0], [0, 0, True]], "the displacement of contact 1 must be three finite numbers"),
+        ("(0, 0, -1) cm", "displacements must be .* for each of the 2 contacts"),
+        (None, "displacements must be .* for each of the 2 contacts, got None"),
+    ],
+)
+def test_bad_displacements_are_refused_in_a_sentence(fingers: Galerkin, displacements: Any, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        fingers.grasp([LEFT, RIGHT]).solve(displacements)
 
 
 def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerkin) -> None:
-    with pytest.raises(vs.VisceraError, match="order 9"):
-        touch.galerkin(order=9)
-    with pytest.raises(vs.VisceraError, match="whole number"):
-        touch.galerkin(order=2.5)  # type: ignore[arg-type]
-    with pytest.raises(vs.VisceraError, match="tolerance"):
-        touch.galerkin(tolerance=2.0)
+    for order in (9, 2.5, True):
+        with pytest.raises(vs.VisceraError, match=f"order must be a whole number from 1 to 3, got {order}"):
+            touch.galerkin(order=order)  # type: ignore[arg-type]
+    for tolerance in (2.0, None, "x"):
+        with pytest.raises(vs.VisceraError, match="tolerance must be a number above 0 and below 1"):
+            touch.galerkin(tolerance=tolerance)  # type: ignore[arg-type]
     with pytest.raises(vs.VisceraError, match="depth"):
         touch.galerkin(depth=-1.0)
     with pytest.raises(vs.VisceraError, match="snapshots"):
@@ -201,6 +239,10 @@ def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerk
         fingers.grasp([LEFT, RIGHT]).solve(PUSHES[:1])
     with pytest.raises(vs.VisceraError, match="must be \\(k, 3\\)"):
         fingers.grasp([[0.1, 0.2]])
+    with pytest.raises(vs.VisceraError, match="contact points must be"):
+        fingers.grasp([LEFT, (0.1, 0.2)])
+    with pytest.raises(vs.VisceraError, match="no contact; give at least one"):
+        fingers.grasp(np.zeros((0, 3)))
 
 
 def test_a_model_from_a_file_serves_several_touches_too(fingers: Galerkin, touch: vs.Touch, tmp_path: Path) -> None:

@@ -139,6 +139,16 @@ def test_a_probe_that_starts_inside_says_so(beam: vs.Touch) -> None:
     assert not felt.force.any()
 
 
+def test_what_was_felt_may_be_changed(beam: vs.Touch) -> None:
+    """The probe keeps its own place."""
+    probe = beam.probe()
+    felt = probe.place((0.8, 0.1, 0.5))
+    felt.center[:] = 0.0
+    assert probe.position is not None
+    assert probe.position.tolist() == [0.8, 0.1, 0.5]
+    assert probe.move((0.1, 0, 0)).center == pytest.approx([0.9, 0.1, 0.5])
+
+
 def test_a_family_over_the_radius_serves_other_probes() -> None:
     organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
     family = organ.reduce("tip", depth="2%", order=2, vary=vs.Vary("radius", 0.08, 0.12, nodes=2))

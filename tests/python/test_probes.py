@@ -68,6 +68,21 @@ def test_probes_far_from_the_organ_are_free_and_one_alone_is_a_probe(beam: vs.To
         np.testing.assert_array_equal(single.place([at])[0].force, alone.place(at).force)
 
 
+def test_the_field_is_that_of_the_probes_as_they_are_now(beam: vs.Touch) -> None:
+    """Also where one was lifted or moved by itself."""
+    hands = pressed(beam, (0.01, 0.02))
+    one, other = hands.place(above(beam, (0.015, 0.02)))
+    np.testing.assert_array_equal(hands.displacement, one.displacement + other.displacement)
+    left, right = hands.probes
+    moved = left.place(above(beam, (0.01, 0.0))[0])
+    assert np.abs(moved.displacement - one.displacement).max() > 1e-3
+    np.testing.assert_array_equal(hands.displacement, moved.displacement + other.displacement)
+    right.lift()
+    np.testing.assert_array_equal(hands.displacement, moved.displacement)
+    left.lift()
+    assert not hands.displacement.any()
+
+
 def test_two_probes_cost_trust(beam: vs.Touch) -> None:
     alone = pressed(beam, (0.01, -0.1)).place(above(beam, (0.01, -0.1)))[0]
     both = pressed(beam, (0.01, 0.02)).place(above(beam, (0.01, 0.02)))[0]
