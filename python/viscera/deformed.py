@@ -218,11 +218,13 @@ class Deformed:
         self,
         image: str | os.PathLike[str],
         *,
-        axes: str = "RAS",
+        axes: str | None = None,
         inverse: bool = False,
         margin: float | None = None,
     ) -> Field:
         """The displacement at the voxels of an image, as a `Field`; arguments as in `viscera.grid.on_grid`.
+
+        axes: world axes of the mesh, "RAS" or "LPS"; by default those of the scan that it was made from, else "RAS".
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -232,9 +234,11 @@ class Deformed:
         >>> field.displacement.shape, int(field.inside.sum())
         ((28, 12, 12, 3), 320)
         """
-        from viscera.grid import Grid, on_grid
+        from viscera.grid import Grid, axes_of, on_grid
 
-        return on_grid(*self._seen(), Grid.of(image, axes), inverse=inverse, margin=margin)
+        mesh, displacement = self._seen()
+        places = Grid.of(image, axes_of(mesh, axes))
+        return on_grid(mesh, displacement, places, inverse=inverse, margin=margin)
 
 
 class Moved(Deformed):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from viscera import _core
 from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError
+from viscera.imagefile import nifti_affine
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number, path_of
 
@@ -92,6 +93,19 @@ class Grid:
         image.SetSpacing((self.spacing / MM).tolist())
         image.SetDirection((sign[:, None] * self.matrix / self.spacing).ravel().tolist())
         return image
+
+
+def axes_of(mesh: Mesh, axes: str | None) -> str:
+    """The world axes of a mesh: those given, those that it states, or "RAS"; raises `VisceraError` if the two differ."""
+    if axes is None:
+        return mesh.axes or "RAS"
+    Choice(AXES)(axes, "the axes")
+    if mesh.axes and mesh.axes != axes:
+        raise VisceraError(
+            f"the axes are {axes}, and the mesh comes from a scan in {mesh.axes}: leave the axes out, or take a mesh that "
+            "states none"
+        )
+    return axes
 
 
 @dataclass(frozen=True)
@@ -289,7 +303,26 @@ def read(path: str | os.PathLike[str]) -> Any:
         raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
     if image.GetDimension() != 3:
         raise VisceraError(f"{name}: has {image.GetDimension()} dimensions; a volume has 3, so take one of its frames")
+    if name.lower().endswith((".nii", ".nii.gz")):
+        _place_as_scans(image, name)
     return image
+
+
+def _place_as_scans(image: Any, name: str) -> None:
+    """Puts a NIfTI image where `viscera.scan` does, by the affine map of its sform; ITK may prefer the qform."""
+    affine = nifti_affine(Path(name))
+    matrix, origin = affine[:, :3] / MM, affine[:, 3] / MM
+    spacing = np.linalg.norm(matrix, axis=0)
+    direction = matrix / spacing
+    if not np.allclose(direction.T @ direction, np.eye(3), atol=1e-4):
+        raise VisceraError(
+            f"{name}: its voxels are sheared, which the images that are deformed here cannot be; resample it to a grid with "
+            "right angles"
+        )
+    sign = AXES["RAS"]
+    image.SetSpacing(spacing.tolist())
+    image.SetOrigin((sign * origin).tolist())
+    image.SetDirection((sign[:, None] * direction).ravel().tolist())
 
 
 def write(path: str | os.PathLike[str], image: Any) -> None:

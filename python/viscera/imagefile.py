@@ -26,10 +26,9 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
         if ending in (".nii", ".nii.gz"):
             image = _library("nibabel").load(path)
             values = np.asanyarray(image.dataobj)
-            unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
             while values.ndim > 3 and values.shape[-1] == 1:
                 values = values[..., 0]
-            return values, unit * image.affine[:3], "RAS"
+            return values, _affine(image), "RAS"
         sitk = _library("SimpleITK")
         image = sitk.ReadImage(str(path))
     except VisceraError:
@@ -45,6 +44,16 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
         return values, np.eye(3, 4), "LPS"
     direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
     return values, MM * np.column_stack([direction, image.GetOrigin()]), "LPS"
+
+
+def nifti_affine(path: Path) -> Floats:
+    """The affine map (3, 4) [m] of a NIfTI image in RAS, of which nothing else is read."""
+    return _affine(_library("nibabel").load(path))
+
+
+def _affine(image: Any) -> Floats:
+    unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
+    return np.asarray(unit * image.affine[:3])
 
 
 def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, str]]:

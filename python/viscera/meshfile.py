@@ -69,7 +69,7 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
     try:
         found = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
         points, blocks, sets, cell_sets = found
-        axes = _stated_axes(path) if ending == ".vtu" else ""
+        axes = stated_axes(path) if ending == ".vtu" else ""
         return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets, axes=axes))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
@@ -128,16 +128,17 @@ def write(
     with replacing(path) as scratch:
         module.write(str(scratch), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
         if axes and ending == ".vtu":
-            _state_axes(scratch, axes)
+            state_axes(scratch, axes)
 
 
-def _state_axes(path: Path, axes: str) -> None:
+def state_axes(path: Path, axes: str) -> None:
     """Puts the world axes into a comment, which every reader ignores; not every reader ignores a text in field data."""
     head, tag, rest = path.read_bytes().partition(b"<UnstructuredGrid>")
     path.write_bytes(head + f"<!-- axes: {axes}, metres -->\n".encode() + tag + rest)
 
 
-def _stated_axes(path: Path) -> str:
+def stated_axes(path: Path) -> str:
+    """The world axes that a `.vtu` file states; empty if it states none."""
     with path.open("rb") as file:
         stated = re.search(rb"<!-- axes: (RAS|LPS)\b", file.read(2000))
     return stated[1].decode() if stated else ""

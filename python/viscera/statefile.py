@@ -10,6 +10,7 @@ import json
 import os
 import struct
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from viscera import _core
 from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, mesh
+from viscera.meshfile import state_axes, stated_axes
 from viscera.quantity import path_of
 
 VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")
@@ -77,7 +79,10 @@ def write(
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Mesh, Floats]:
-    """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` if it holds none."""
+    """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` if it holds none.
+
+    The mesh has the world axes of its scan if the file states them, which `.vtu` does.
+    """
     name = str(path_of(path, "the solution"))
     if Path(name).suffix.lower() not in VOLUMES:
         raise VisceraError(f"{name}: is no solution with its volume; those end in {', '.join(VOLUMES)}")
@@ -98,6 +103,8 @@ def read(path: str | os.PathLike[str]) -> tuple[Mesh, Floats]:
     cells = grid.cells_dict[kind]
     corners, place = np.unique(cells[:, :4], return_inverse=True)
     linear = mesh(grid.points[corners], place.reshape(-1, 4))
+    if name.lower().endswith(".vtu"):
+        linear = replace(linear, axes=stated_axes(Path(name)))
     if linear.messages and kind == "tetra10":
         raise VisceraError(f"{name}: {linear.messages[0]}; quadratic cells must be oriented as Viscera writes them")
     if kind == "tetra":
@@ -117,6 +124,8 @@ def _write_volume(
     grid = volume(mesh, fields, cell_fields)
     if ending == ".vtu":
         meshio.vtu.write(path, grid)
+        if mesh.axes:
+            state_axes(path, mesh.axes)
     elif ending == ".vtk":
         meshio.vtk.write(path, grid, fmt_version="4.2")
     elif ending == ".msh":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -213,3 +214,50 @@ def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: P
     field = shape.on_grid(scan())
     with pytest.raises(vs.VisceraError, match="several values at a voxel"):
         grid.warp(field.grid.image(field.displacement), field, field)
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_mesh_that_states_its_axes_is_placed_by_them(
+    cube: vs.Mesh, tmp_path: Path, element: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In memory, and on file as the solution states them; other axes are refused."""
+    mesh = replace(vs.mesh(cube.points - [0.02, 0.01, 0.0], cube.cells, cube.sets), axes="LPS")
+    organ = vs.Organ(mesh, LAW, fixed="bottom", element=element)
+    state = organ.solve(force={"top": (5.0, 0.0, -5.0)})
+    known = state.on_grid(scan())
+    assert known.grid.axes == "LPS"
+    assert np.array_equal(known.inside, state.on_grid(scan(), axes="LPS").inside)
+    with pytest.raises(vs.VisceraError, match="the mesh comes from a scan in LPS"):
+        state.on_grid(scan(), axes="RAS")
+    state.write(tmp_path / "state.vtu")
+    sitk.WriteImage(scan(), str(tmp_path / "scan.nrrd"))
+    line = ["warp", str(tmp_path / "scan.nrrd"), "--with", str(tmp_path / "state.vtu")]
+    assert main([*line, "--forward-field", str(tmp_path / "field.nrrd")]) == 0
+    written = sitk.GetArrayFromImage(sitk.ReadImage(str(tmp_path / "field.nrrd"))).transpose(2, 1, 0, 3)
+    assert np.allclose(written, 1e3 * known.displacement, atol=1e-3)
+    assert main([*line, "--axes", "RAS", "-o", str(tmp_path / "moved.nrrd")]) == 2
+    assert "comes from a scan in LPS" in capsys.readouterr().err
+
+
+def test_a_nifti_with_two_places_is_where_the_scan_is(tmp_path: Path) -> None:
+    """As registration leaves it: the qform where the scanner had it, the sform where it was aligned to."""
+    nibabel = pytest.importorskip("nibabel")
+    labels = np.zeros((12, 10, 8), dtype=np.uint8)
+    labels[3:9, 2:8, 2:6] = 1
+    turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    scanner, aligned = np.eye(4), np.eye(4)
+    scanner[:3, 3] = (-20.0, -20.0, -20.0)
+    aligned[:3, :3], aligned[:3, 3] = turn * [2.0, 2.0, 3.0], (10.0, 0.0, 5.0)
+    image = nibabel.Nifti1Image(labels, scanner)
+    image.set_qform(scanner, 1)
+    image.set_sform(aligned, 2)
+    nibabel.save(image, tmp_path / "aligned.nii.gz")
+    places = grid.Grid.of(tmp_path / "aligned.nii.gz")
+    affine_map = vs.scan(tmp_path / "aligned.nii.gz").affine
+    assert np.allclose(np.column_stack([places.matrix, places.origin]), affine_map, atol=1e-9)
+    sheared = aligned.copy()
+    sheared[0, 1] += 0.5
+    image.set_sform(sheared, 2)
+    nibabel.save(image, tmp_path / "sheared.nii")
+    with pytest.raises(vs.VisceraError, match="sheared"):
+        grid.read(tmp_path / "sheared.nii")

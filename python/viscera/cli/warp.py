@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--with", dest="state", metavar="STATE.vtu", required=True, help="a solution that `viscera solve -o` wrote"
     )
     parser.add_argument("-o", "--output", metavar="IMAGE", help="the deformed image")
-    parser.add_argument("--axes", default="RAS", help="world axes of the mesh: RAS (default) or LPS")
+    parser.add_argument(
+        "--axes", help="world axes of the mesh, RAS or LPS (default: those that the solution states, else RAS)"
+    )
     parser.add_argument(
         "--interpolation", choices=grid.INTERPOLATIONS,
         help="default: nearest for a label map (whole numbers from 0, at most 256 different ones), otherwise linear",
@@ -55,7 +57,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         grid.checked(path)
     mesh, displacement = statefile.read(args.state)
     image = grid.read(args.image)
-    places = grid.Grid.of(image, args.axes)
+    places = grid.Grid.of(image, grid.axes_of(mesh, args.axes))
     forward, inverse = (grid.on_grid(mesh, displacement, places, inverse=inverse) for inverse in (False, True))
     facts: dict[str, Any] = {"voxels": int(forward.inside.sum()), "voxels_moved": int(inverse.inside.sum())}
     output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
