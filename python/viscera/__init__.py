@@ -30,6 +30,7 @@ from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
 from viscera.forceps import Forceps
 from viscera.frame import Frame
 from viscera.hand import Hand
+from viscera.image_fibres import image_fibres
 from viscera.law import (
     ArrudaBoyce,
     Corotated,
@@ -51,7 +52,7 @@ from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.probe import Felt, Probes, RigidProbe
 from viscera.registration import Registered
-from viscera.scan import Scan, image_fibres, scan
+from viscera.scan import Scan, scan
 from viscera.scene import Scene
 from viscera.scene_case import SceneCase
 from viscera.scene_case import read_any as case

@@ -96,14 +96,14 @@ class Grid:
 
 
 def axes_of(mesh: Mesh, axes: str | None) -> str:
-    """The world axes of a mesh: those given, those that it states, or "RAS"; raises `VisceraError` if the two differ."""
+    """The world axes of a mesh: those given, those that it states, or "RAS"; raises `VisceraError` if they differ."""
     if axes is None:
         return mesh.axes or "RAS"
     Choice(AXES)(axes, "the axes")
     if mesh.axes and mesh.axes != axes:
         raise VisceraError(
-            f"the axes are {axes}, and the mesh comes from a scan in {mesh.axes}: leave the axes out, or take a mesh that "
-            "states none"
+            f"the axes are {axes}, and the mesh comes from a scan in {mesh.axes}: leave the axes out, or take a mesh "
+            "that states none"
         )
     return axes
 
@@ -316,8 +316,8 @@ def _place_as_scans(image: Any, name: str) -> None:
     direction = matrix / spacing
     if not np.allclose(direction.T @ direction, np.eye(3), atol=1e-4):
         raise VisceraError(
-            f"{name}: its voxels are sheared, which the images that are deformed here cannot be; resample it to a grid with "
-            "right angles"
+            f"{name}: its voxels are sheared, which the images that are deformed here cannot be; resample it to a "
+            "grid with right angles"
         )
     sign = AXES["RAS"]
     image.SetSpacing(spacing.tolist())

@@ -21,7 +21,7 @@ from viscera.errors import VisceraError
 from viscera.imagefile import FORMATS, ending_of, read_image, read_segmentation, write_labels
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Edges, Progress, Region, mesh_regions
-from viscera.quantity import Choice, Number, Whole, path_of, refused
+from viscera.quantity import Choice, Number, Whole, numbers_of, path_of, refused
 from viscera.select import length
 
 AXES = ("RAS", "LPS")
@@ -59,10 +59,9 @@ class Scan:
         """Check what a file or a caller gives."""
         Choice(AXES)(self.axes, "axes")
         object.__setattr__(self, "values", _labels_of(np.asarray(self.values)))
-        affine = np.array(self.affine, dtype=np.float64)[:3]
-        if affine.shape != (3, 4) or not np.isfinite(affine).all() or abs(np.linalg.det(affine[:, :3])) < 1e-18:
-            raise VisceraError(f"the affine map {affine.tolist()} places no voxels; it must be (3, 4), and invertible")
-        object.__setattr__(self, "affine", affine)
+        object.__setattr__(self, "affine", _affine_of(self.affine))
+        if self.names is not None and not isinstance(self.names, Mapping):
+            raise refused("the names of labels", "a mapping from labels to names, such as {1: 'liver'}", self.names)
 
     def __repr__(self) -> str:
         shape = " x ".join(map(str, self.values.shape))
@@ -112,7 +111,7 @@ class Scan:
         """
         regions = self.regions(labels)
         supports = _texts(fixed)
-        places = [self._place(where) for where in supports]
+        places = [self._place(where, regions) for where in supports]
         found = mesh_regions(self.values, self.affine, regions, edge, axes=self.axes, progress=progress)
         if not places:
             return found
@@ -143,10 +142,9 @@ class Scan:
                 raise VisceraError(f"name the labels to mesh; the image has {self._listing()}")
             labels = next(iter(self.labels))
         if isinstance(labels, Mapping):
-            named = dict(labels)
+            named: Mapping[Any, Any] = labels
         else:
-            numbers = [self._number(label) for label in _several(labels, "labels")]
-            named = {(self.names or {}).get(number, f"label_{number}"): number for number in numbers}
+            named = self._named([self._number(label) for label in _several(labels, "labels")])
         if not named:
             raise VisceraError(f"name the labels to mesh; the image has {self._listing()}")
         regions = [self._region(name, numbers) for name, numbers in named.items()]
@@ -156,6 +154,12 @@ class Scan:
                 if seen.setdefault(number, region.name) != region.name:
                     raise VisceraError(f"label {number} is given twice, as {seen[number]!r} and as {region.name!r}")
         return regions
+
+    def _named(self, numbers: Sequence[int]) -> dict[str, int]:
+        """Labels by name; those of one name are told apart by their numbers."""
+        names = [(self.names or {}).get(number, f"label_{number}") for number in numbers]
+        pairs = zip(names, numbers, strict=True)
+        return {name if names.count(name) == 1 else f"{name} ({number})": number for name, number in pairs}
 
     def _region(self, name: Any, numbers: Any) -> Region:
         if not isinstance(name, str) or not name:
@@ -170,6 +174,9 @@ class Scan:
             found = [number for number, name in (self.names or {}).items() if name == label]
             if not found:
                 raise VisceraError(f"the image has no label {label!r}; it has {self._listing()}")
+            if len(found) > 1:
+                listed = ", ".join(map(str, sorted(found)))
+                raise VisceraError(f"the labels {listed} have the name {label!r}; give their numbers")
             return found[0]
         if isinstance(label, bool) or not isinstance(label, int | str | np.integer):
             raise VisceraError(f"a label is a whole number, got {label!r}")
@@ -184,11 +191,19 @@ class Scan:
         more = len(self.labels) - len(listed)
         return f"the labels {', '.join(listed)}{f' and {more} smaller ones' if more else ''}"
 
-    def _place(self, where: str) -> Callable[[Mesh], Indices]:
+    def _place(self, where: str, regions: Sequence[Region]) -> Callable[[Mesh], Indices]:
         """A function that finds the nodes of a support in the mesh; bad words raise `VisceraError` before the work."""
         if where.startswith("label:"):
             number = self._number(where.removeprefix("label:"))
-            return lambda mesh: self.touching(mesh, number)
+            part = next((region for region in regions if number in region.numbers), None)
+            if part is None:
+                return lambda mesh: self._beside(mesh, number)
+            if len(part.numbers) > 1:
+                raise VisceraError(
+                    f"fixed {where!r}: label {number} is meshed as a part of {part.name!r}, whose nodes do not tell "
+                    "its labels apart; mesh it as a part of its own"
+                )
+            return lambda mesh: _shared(mesh, mesh.cell_sets[part.name])
         path, _, label = where.rpartition(":") if where.rpartition(":")[2].isdigit() else (where, "", "")
         if not path.lower().endswith(FORMATS):
             return lambda mesh: mesh.nodes(where)
@@ -217,8 +232,11 @@ class Scan:
         is_theirs = self.at(mesh.centroids) == label
         for cells in mesh.cell_sets.values():
             if is_theirs[cells].mean() > 0.5:
-                others = np.delete(mesh.cells, cells, axis=0)
-                return np.intersect1d(mesh.cells[cells], others).astype(np.uint32)
+                return _shared(mesh, cells)
+        return self._beside(mesh, label)
+
+    def _beside(self, mesh: Mesh, label: int) -> Indices:
+        """Nodes of the surface next to a label that is not meshed."""
         return mesh.surface_nodes[self.near(mesh.points[mesh.surface_nodes], [label])]
 
     def index(self, places: ArrayLike) -> Floats:
@@ -311,6 +329,7 @@ class Scan:
     def of(mesh: Mesh, voxel: float | str = 0.003, margin: int = 4) -> Scan:
         """The label map that a scanner would see of a mesh: 1 in its voxels, or 1, 2, ... in those of its cell sets.
 
+        Where sets overlap, voxels are of the smaller one. Cells of no set have a label of their own, `rest`.
         voxel: side of the cubic voxels [m]; margin: empty voxels around it.
 
         >>> import viscera as vs
@@ -326,8 +345,11 @@ class Scan:
         shape = tuple(int(n) for n in counts)
         affine = np.column_stack([size * np.eye(3), low - size * (around - 0.5)])
         parts = dict(mesh.cell_sets) or {"organ": np.arange(len(mesh.cells), dtype=np.uint32)}
+        rest = np.setdiff1d(np.arange(len(mesh.cells), dtype=np.uint32), np.concatenate(list(parts.values())))
+        if len(rest):
+            parts["rest" if "rest" not in parts else "the rest"] = rest
         values = np.zeros(shape, dtype=np.uint16)
-        for number, cells in enumerate(parts.values(), start=1):
+        for number, cells in sorted(enumerate(parts.values(), start=1), key=lambda part: -len(part[1])):
             surface = _core.surface(mesh.points, np.ascontiguousarray(mesh.cells[cells]))
             inside = _core.winding_numbers(mesh.points, surface, shape, affine, on_progress=None) > 0.5
             values[inside] = number
@@ -367,59 +389,25 @@ def scan(path: str | os.PathLike[str]) -> Scan:
         raise VisceraError(f"{source}: {error}") from None
 
 
-def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, ArrayLike]) -> Floats:
-    """Fibre directions per cell (2, m, 3), two families, from one or two vector images (both families from one).
-
-    images: files, or pairs of vectors (i, j, k, 3) and affine map (3, 4) [m]. Their components are along the world axes
-    and are turned to those of the mesh. At a centroid the direction is the principal one of `sum w v v^T` over the
-    eight voxels around it, w being trilinear weights: v and -v are the same fibre. Raises `VisceraError` if a cell
-    lies outside the image, or where no direction is given around it.
-
-    >>> import numpy as np
-    >>> import viscera as vs
-    >>> vectors = np.zeros((30, 10, 10, 3))
-    >>> vectors[..., 0] = 1.0  # along x everywhere
-    >>> affine = np.hstack([0.04 * np.eye(3), [[-0.05]] * 3])
-    >>> vs.image_fibres(vs.organs.beam(), (vectors, affine))[:, 0].tolist()
-    [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
-    """
-    if len(images) not in (1, 2):
-        raise VisceraError(f"fibres need one image or two, got {len(images)}")
-    families = [_directions(mesh, image, str(k)) for k, image in enumerate(images, start=1)]
-    return np.stack([families[0], families[-1]])
+def _affine_of(given: Any) -> Floats:
+    affine = numbers_of(given)
+    if affine is None or affine.ndim != 2:
+        raise refused("the affine map", "an array (3, 4) or (4, 4)", given)
+    affine = affine[:3]
+    if affine.shape != (3, 4) or not np.isfinite(affine).all() or not _is_invertible(affine[:, :3]):
+        raise VisceraError(f"the affine map {affine.tolist()} places no voxels; it must be (3, 4), and invertible")
+    return affine
 
 
-def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
-    """Unit directions (m, 3) at the centroids."""
-    if isinstance(image, str | os.PathLike):
-        name, (vectors, affine, axes) = str(image), read_image(Path(image))
-    else:
-        (vectors, affine), axes = image, mesh.axes
-    vectors = np.asarray(vectors, dtype=np.float64)
-    if vectors.ndim == 5 and vectors.shape[3] == 1:
-        vectors = vectors[:, :, :, 0]  # NIfTI keeps the components of vectors in the fifth dimension
-    if vectors.ndim != 4 or vectors.shape[3] != 3:
-        raise VisceraError(f"image {name} of fibres has the shape {vectors.shape}; it needs three components per voxel")
-    grid = Scan(np.zeros(vectors.shape[:3], dtype=np.uint16), np.asarray(affine), axes or "RAS")
-    if mesh.axes and mesh.axes != grid.axes:
-        grid, vectors = grid.in_axes(mesh.axes), vectors * [-1.0, -1.0, 1.0]
-    index = grid.index(mesh.centroids)
-    outside = np.flatnonzero(((index < -0.5) | (index > np.array(vectors.shape[:3]) - 0.5)).any(axis=1))
-    if len(outside):
-        place = mesh.centroids[outside[0]].round(4).tolist()
-        raise VisceraError(f"{len(outside)} cells lie outside image {name} of fibres, the first at {place} m")
-    first = np.floor(index).astype(np.int64)
-    tensor = np.zeros((len(index), 3, 3))
-    for offset in np.ndindex(2, 2, 2):
-        voxel = first + offset
-        weight = np.prod(1.0 - np.abs(index - voxel), axis=1)
-        v = vectors[tuple(np.clip(voxel, 0, np.array(vectors.shape[:3]) - 1).T)]
-        tensor += weight[:, None, None] * v[:, :, None] * v[:, None, :]
-    values, frames = np.linalg.eigh(tensor)
-    blank = np.flatnonzero(~(values[:, 2] > 0.0))
-    if len(blank):
-        raise VisceraError(f"image {name} has no direction around {len(blank)} cells, the first of which is {blank[0]}")
-    return np.asarray(frames[:, :, 2])
+def _is_invertible(matrix: Floats) -> bool:
+    """Whatever the size of the voxels."""
+    return bool(abs(np.linalg.det(matrix)) > 1e-9 * np.linalg.norm(matrix, axis=0).prod())
+
+
+def _shared(mesh: Mesh, cells: Indices) -> Indices:
+    """Nodes of some cells that others have too."""
+    others = np.delete(mesh.cells, cells, axis=0)
+    return np.intersect1d(mesh.cells[cells], others).astype(np.uint32)
 
 
 def _labels_of(values: NDArray[Any]) -> NDArray[np.uint16]:

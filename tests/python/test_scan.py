@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -208,3 +210,72 @@ def test_a_surface_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureF
     mesh = vs.read(tmp_path / "beam.vtu")
     assert mesh.volume == pytest.approx(beam.volume, rel=1e-3)
     assert len(mesh.nodes("fixed")) > 3
+
+
+def test_labels_of_one_name_are_parts_of_their_own() -> None:
+    labels = np.zeros((24, 16, 16), dtype=int)
+    labels[3:10, 4:12, 4:12], labels[14:21, 4:12, 4:12] = 1, 2
+    scan = vs.Scan(labels, 0.004 * np.eye(3, 4), names={1: "lesion", 2: "lesion"})
+    assert sorted(scan.mesh([1, 2], edge="10 mm").cell_sets) == ["lesion (1)", "lesion (2)"]
+    with pytest.raises(vs.VisceraError, match="the labels 1, 2 have the name 'lesion'"):
+        scan.mesh("lesion", edge="10 mm")
+    assert sorted(scan.mesh(2, edge="10 mm").cell_sets) == ["lesion"]
+
+
+def test_a_label_within_a_part_of_several_fixes_no_nodes() -> None:
+    labels = np.zeros((24, 16, 16), dtype=int)
+    labels[3:12, 4:12, 4:12], labels[12:16, 4:12, 4:12], labels[16:21, 4:12, 4:12] = 1, 2, 3
+    scan = vs.Scan(labels, 0.004 * np.eye(3, 4))
+    parts = {"liver": 1, "kidneys": [2, 3]}
+    for label in ("label:2", "label:3"):
+        with pytest.raises(vs.VisceraError, match="is meshed as a part of 'kidneys'"):
+            scan.mesh(parts, edge="10 mm", fixed=label)
+    alone = scan.mesh(parts, edge="10 mm", fixed="label:1")
+    border = np.intersect1d(alone.cells[alone.cell_sets["liver"]], alone.cells[alone.cell_sets["kidneys"]])
+    assert np.array_equal(alone.sets["fixed"], border)
+    beside = scan.mesh({"liver": 1}, edge="10 mm", fixed="label:2")
+    assert (beside.points[beside.sets["fixed"], 0] > 0.004 * 10).all()
+
+
+def test_fibres_are_told_around_voxels_that_are_not_numbers() -> None:
+    ball = vs.Scan(np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) < 9.0, 0.003 * np.eye(3, 4))
+    mesh = ball.mesh(edge="9 mm")
+    vectors = np.zeros((24, 24, 24, 3))
+    vectors[..., 0] = 1.0
+    vectors[12, 12, 12] = np.nan
+    vectors[0, 0, 0] = np.inf
+    assert np.allclose(np.abs(vs.image_fibres(mesh, (vectors, ball.affine))), [1.0, 0.0, 0.0])
+    vectors[8:16, 8:16, 8:16] = np.nan
+    with pytest.raises(vs.VisceraError, match="has no direction around"):
+        vs.image_fibres(mesh, (vectors, ball.affine))
+
+
+def test_a_scan_of_a_mesh_has_all_its_cells() -> None:
+    ball = vs.Scan(np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) < 9.0, 0.003 * np.eye(3, 4))
+    mesh = ball.mesh(edge="9 mm")
+    left = np.flatnonzero(mesh.centroids[:, 0] < np.median(mesh.centroids[:, 0])).astype(np.uint32)
+    near = np.flatnonzero(np.linalg.norm(mesh.centroids - mesh.centroids.mean(axis=0), axis=1) < 0.01).astype(np.uint32)
+    whole = vs.Scan.of(mesh, voxel=0.003)
+    cut = vs.Scan.of(replace(mesh, cell_sets={"left": left}), voxel=0.003)
+    assert cut.names == {1: "left", 2: "rest"}
+    assert abs(sum(cut.labels.values()) - sum(whole.labels.values())) <= 2
+    everything = np.arange(len(mesh.cells), dtype=np.uint32)
+    nested = vs.Scan.of(replace(mesh, cell_sets={"nodule": near, "organ": everything}), voxel=0.003)
+    assert nested.labels[1] > 0
+    assert sum(nested.labels.values()) == sum(whole.labels.values())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"affine": "x"}, "the affine map must be an array"),
+        ({"affine": 3}, "the affine map must be an array"),
+        ({"affine": np.zeros((3, 4))}, "places no voxels"),
+        ({"names": ["liver"]}, "the names of labels must be a mapping"),
+    ],
+)
+def test_what_places_no_labels_is_refused(change: dict[str, Any], words: str) -> None:
+    given: dict[str, Any] = {"values": np.ones((4, 4, 4), dtype=int), "affine": 1e-7 * np.eye(3, 4)}
+    vs.Scan(**given)  # however small its voxels
+    with pytest.raises(vs.VisceraError, match=words):
+        vs.Scan(**(given | change))
