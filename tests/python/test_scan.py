@@ -226,7 +226,7 @@ def test_a_label_within_a_part_of_several_fixes_no_nodes() -> None:
     labels = np.zeros((24, 16, 16), dtype=int)
     labels[3:12, 4:12, 4:12], labels[12:16, 4:12, 4:12], labels[16:21, 4:12, 4:12] = 1, 2, 3
     scan = vs.Scan(labels, 0.004 * np.eye(3, 4))
-    parts = {"liver": 1, "kidneys": [2, 3]}
+    parts: dict[str, Any] = {"liver": 1, "kidneys": [2, 3]}
     for label in ("label:2", "label:3"):
         with pytest.raises(vs.VisceraError, match="is meshed as a part of 'kidneys'"):
             scan.mesh(parts, edge="10 mm", fixed=label)
