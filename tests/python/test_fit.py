@@ -131,7 +131,10 @@ def test_what_cannot_be_fitted_is_said() -> None:
         ),
         "all stresses are zero": lambda: vs.fit(vs.Yeoh, vs.MaterialTest("uniaxial", [1, 1.1, 1.2], [0, 0, 0])),
         "it must lie above -1 and below 0.5": lambda: vs.fit(vs.Yeoh, line, poisson=0.5),
-        "as many positive weights": lambda: vs.fit(vs.Yeoh, line, weights=[1.0, 2.0]),
+        "1 positive numbers, one for each test": lambda: vs.fit(vs.Yeoh, line, weights=[1.0, 2.0]),
+        "weights must be": lambda: vs.fit(vs.Yeoh, line, weights="a"),  # type: ignore[arg-type]
+        "Poisson's ratio is a": lambda: vs.fit(vs.Yeoh, line, poisson="a"),  # type: ignore[arg-type]
+        "1 to 3 terms, got 2.0": lambda: vs.fit(vs.Ogden, line, terms=2.0),  # type: ignore[arg-type]
         "stretches are lengths over rest lengths": lambda: vs.MaterialTest("uniaxial", [0.0, 0.1], [0, 1]),
         "2 stretches but 3 stresses": lambda: vs.MaterialTest("uniaxial", [1, 2], [0, 1, 2]),
         "no deformation is called 'biaxial'": lambda: vs.MaterialTest("biaxial", [1, 2], [0, 1]),
@@ -164,6 +167,59 @@ def test_the_verb_ranks_laws_of_a_recorded_compression(tmp_path: Path, capsys: p
     np.testing.assert_allclose(list(found["parameters"].values()), [5e3, 800.0, 200.0], rtol=1e-4)
     assert main(["fit", *words]) == 0
     assert "best by AIC: Yeoh(c10=5" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("header", "signs", "options"),
+    [
+        ("compression_mm,load_N", (1, 1), []),
+        ("displacement_mm,load_N", (-1, 1), []),
+        ("compression_mm,force_N", (1, -1), []),
+        ("displacement_mm,force_N", (-1, -1), []),
+        ("displacement_mm,force_mN", (1, 1000), ["--compression"]),
+    ],
+)
+def test_every_column_has_its_own_sense(
+    tmp_path: Path, header: str, signs: tuple[float, float], options: list[str]
+) -> None:
+    squeezed, area = np.linspace(0.6, 0.99, 12), np.pi * 0.025**2
+    shortened, load = 30.0 * (1.0 - squeezed), 1000.0 * (squeezed**-2 - squeezed) * area
+    write_curve(tmp_path / "a.csv", header, signs[0] * shortened, signs[1] * load)
+    words = [str(tmp_path / "a.csv"), "--length", "30 mm", "--diameter", "50 mm", "--law", "NeoHookean", *options]
+    assert main(["fit", *words, "--json", str(tmp_path / "r.json")]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ("displacement_mm,load_N", "mostly point in opposite directions"),
+        ("displacement_kPa,force_N", "unit that is not known of displacement, 'kPa'; known: m, cm, mm"),
+        ("stretch,stress_N", "unit that is not known of stress, 'N'"),
+        ("stretch_mm,stress", "it takes none"),
+        ("stretch,stretch", "two columns are called 'stretch'"),
+        ("stress_Pa,stress_kPa,stretch", "the columns stress_Pa and stress_kPa both are stress"),
+    ],
+)
+def test_columns_that_do_not_fit_together_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], header: str, words: str
+) -> None:
+    grows = np.linspace(0.1, 1.0, 5)
+    write_curve(tmp_path / "a.csv", header, *[grows] * (header.count(",") + 1))
+    assert main(["fit", str(tmp_path / "a.csv"), "--length", "30 mm", "--diameter", "50 mm"]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    stretch = np.linspace(1.05, 1.5, 8)
+    paths = [tmp_path / folder / "test.csv" for folder in ("a", "b")]
+    for path, mu in zip(paths, (900.0, 1100.0), strict=True):
+        path.parent.mkdir()
+        write_curve(path, "stretch,stress", stretch, mu * (stretch - stretch**-2))
+    assert main(["fit", *map(str, paths), "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert list(found["errors"]) == list(map(str, paths))
 
 
 def test_the_verb_ranks_the_laws_that_a_short_test_determines(

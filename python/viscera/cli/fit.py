@@ -25,7 +25,19 @@ from viscera.fitting.fit import Undetermined
 from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
 
-UNITS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "N": 1.0, "mN": 1e-3, "kN": 1e3, "Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
+UNITS: dict[str, dict[str, float]] = {
+    "stretch": {},
+    "stress": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6},
+    "displacement": LENGTHS,
+    "compression": LENGTHS,
+    "force": FORCES,
+    "load": FORCES,
+}
+"""Columns, and the units that their names may end in."""
+DOWNWARD = ("compression", "load")
+"""Columns that count positive in compression."""
 CANDIDATES = (
     ("NeoHookean", 1),
     ("MooneyRivlin", 1),
@@ -67,7 +79,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read the curves, fit, rank, print."""
     output.spare(args.curves, ("--plot", args.plot))
     check_picture(args.plot)
-    tests = [_test(Path(path), args) for path in args.curves]
+    tests = [_test(Path(path), name, args) for path, name in zip(args.curves, _names(args.curves), strict=True)]
     fits, left_out = _ranked(tests, args)
     output.say("\n".join(map(repr, tests)))
     output.say(_table(fits))
@@ -106,13 +118,19 @@ def _ranked(tests: list[MaterialTest], args: argparse.Namespace) -> tuple[list[F
     return sorted(fits, key=lambda found: found.aic), left_out
 
 
-def _test(path: Path, args: argparse.Namespace) -> MaterialTest:
+def _names(curves: list[str]) -> list[str]:
+    """The names of the files; those of one name have their folders in front."""
+    stems = [Path(path).stem for path in curves]
+    return [stem if stems.count(stem) == 1 else path for stem, path in zip(stems, curves, strict=True)]
+
+
+def _test(path: Path, name: str, args: argparse.Namespace) -> MaterialTest:
     columns = read_columns(path)
-    if args.stuck and (args.mode != "uniaxial" or _find(columns, "stretch") is not None):
+    if args.stuck and (args.mode != "uniaxial" or _find(columns, "stretch")):
         raise VisceraError("--stuck takes uniaxial curves of displacement and force, with --length and --diameter")
-    if _find(columns, "stretch") is not None:
+    if _find(columns, "stretch"):
         stretch, stress = _column(path, columns, "stretch"), _column(path, columns, "stress")
-        return MaterialTest(args.mode, *_up_to(args.up_to, stretch, stress, MODES[args.mode].at_rest, 1.0), path.stem)
+        return MaterialTest(args.mode, *_up_to(args.up_to, stretch, stress, MODES[args.mode].at_rest, 1.0), name)
     displacement = "displacement" if _find(columns, "displacement") else "compression"
     force = "force" if _find(columns, "force") else "load"
     moved, pulled = _column(path, columns, displacement), _column(path, columns, force)
@@ -122,16 +140,20 @@ def _test(path: Path, args: argparse.Namespace) -> MaterialTest:
             f"{path}: force and displacement need the specimen's --length and one of --area and --diameter"
         )
     moved, pulled = _up_to(args.up_to, moved, pulled, 0.0, args.length)
-    counts_down = args.compression or displacement == "compression"
+    moved, pulled = (
+        -values if args.compression or column in DOWNWARD else values
+        for values, column in ((moved, displacement), (pulled, force))
+    )
+    if np.mean(np.sign(moved) * np.sign(pulled)) < 0.0:
+        raise VisceraError(
+            f"{path}: {displacement} and {force} mostly point in opposite directions; columns `compression` and `load` "
+            "count positive in compression, `displacement` and `force` in tension, and --compression turns both"
+        )
     if args.stuck:
         if args.diameter is None:
             raise VisceraError("--stuck is for cylinders; give --diameter in place of --area")
-        sign = -1.0 if counts_down else 1.0
-        return SpecimenTest.cylinder(args.diameter / 2.0, args.length, sign * moved, sign * pulled, name=path.stem)
-    return MaterialTest.from_force(
-        args.mode, moved, pulled, length=args.length, area=area, name=path.stem,
-        compression=counts_down,
-    )  # fmt: skip
+        return SpecimenTest.cylinder(args.diameter / 2.0, args.length, moved, pulled, name=name)
+    return MaterialTest.from_force(args.mode, moved, pulled, length=args.length, area=area, name=name)
 
 
 def _up_to(
@@ -146,23 +168,24 @@ def _up_to(
     return parameter[near], measured[near]
 
 
-def _find(columns: dict[str, Floats], name: str) -> str | None:
-    return next((column for column in columns if column.lower().partition("_")[0] == name), None)
+def _find(columns: dict[str, Floats], name: str) -> list[str]:
+    return [column for column in columns if column.lower().partition("_")[0] == name]
 
 
 def _column(path: Path, columns: dict[str, Floats], name: str) -> Floats:
     found = _find(columns, name)
-    if found is None:
+    if not found:
         raise VisceraError(
             f"{path}: no column {name!r}; it has {', '.join(columns)}. "
             "Give stretch and stress, or displacement and force"
         )
-    unit = found.partition("_")[2].strip()
-    scale = UNITS.get(unit)
-    if scale is None or (name == "stretch" and unit):
-        known = ", ".join(filter(None, UNITS))
-        raise VisceraError(f"{path}: column {found!r} has a unit that is not known, {unit!r}; known: {known}")
-    return columns[found] * scale
+    if len(found) > 1:
+        raise VisceraError(f"{path}: the columns {' and '.join(found)} both are {name}; leave one")
+    unit, units = found[0].partition("_")[2].strip(), {"": 1.0, **UNITS[name]}
+    if unit not in units:
+        known = f"known: {', '.join(UNITS[name])}" if UNITS[name] else "it takes none"
+        raise VisceraError(f"{path}: column {found[0]!r} has a unit that is not known of {name}, {unit!r}; {known}")
+    return columns[found[0]] * units[unit]
 
 
 def _table(fits: list[Fit]) -> str:

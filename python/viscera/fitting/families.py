@@ -78,7 +78,7 @@ def family(law: type[Law] | str, terms: int | None = None) -> Family:
     largest, default, build = FAMILIES[name]
     if terms is not None and largest == 1 and terms != 1:
         raise VisceraError(f"{name} has no terms to choose; leave terms={terms} out")
-    if terms is not None and (isinstance(terms, bool) or terms not in range(1, largest + 1)):
+    if terms is not None and (type(terms) is not int or terms not in range(1, largest + 1)):
         raise VisceraError(f"{name} has 1 to {largest} terms, got {terms}")
     return build(terms or default)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from viscera.fitting.problem import Problem
 from viscera.fitting.specimen import SpecimenProblem, SpecimenTest
 from viscera.law import Law
 from viscera.mesh import Floats
+from viscera.quantity import numbers_of, refused
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,18 +118,19 @@ def fit(
     500.0
     """
     curves = _checked(tests)
-    if isinstance(poisson, bool) or not -1.0 < poisson < 0.5:
+    if isinstance(poisson, bool) or not isinstance(poisson, Real) or not -1.0 < poisson < 0.5:
         raise VisceraError(f"Poisson's ratio is {poisson}; it must lie above -1 and below 0.5")
     kind = family(law, terms)
     if incompressible and kind.name == "SaintVenantKirchhoff":
         raise VisceraError("SaintVenantKirchhoff has no incompressible form; fit it with incompressible=False")
     if weights is None:
         weights = [1.0] * len(curves)
-    if len(weights) != len(curves) or not all(np.isfinite(w) and w > 0.0 for w in weights):
-        raise VisceraError(f"{len(curves)} tests need as many positive weights, got {list(weights)}")
+    counts = numbers_of(weights)
+    if counts is None or counts.shape != (len(curves),) or not (np.isfinite(counts) & (counts > 0.0)).all():
+        raise refused("weights", f"{len(curves)} positive numbers, one for each test", weights)
     of_specimens = any(isinstance(test, SpecimenTest) for test in curves)
     make = SpecimenProblem if of_specimens else Problem
-    problem = make(kind, curves, np.sqrt(np.asarray(weights, dtype=float)), poisson, incompressible)
+    problem = make(kind, curves, np.sqrt(counts), poisson, incompressible)
     n, p = len(problem.target), len(kind.names)
     if n <= p:
         raise Undetermined(f"{kind.name} has {p} parameters; {n} measured points cannot determine them")

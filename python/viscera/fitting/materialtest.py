@@ -102,6 +102,9 @@ class MaterialTest:
 def read_columns(path: str | os.PathLike[str]) -> dict[str, Floats]:
     """The columns of a CSV file by the names in its first line."""
     names, rows = read_table(path)
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise VisceraError(f"{path}: two columns are called {twice!r}; leave one")
     if len(rows) < 2:
         raise VisceraError(f"{path}: a curve needs a line of names and at least two lines of numbers")
     values = np.array([[number(path, line, *cell) for cell in zip(names, row, strict=True)] for line, row in rows])
