@@ -67,6 +67,9 @@ class Unloaded:
     def from_scan(self, state: State) -> State:
         """A state of `organ` with displacement and volume ratio counted from the scanned shape.
 
+        A scan shows corners of cells. Midpoints are counted from where they are under the loads of the scan, which is not
+        quite on the straight edge between them.
+
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> rest = beam.unloaded(gravity=(0, 0, -1.0), density=100)
@@ -75,7 +78,9 @@ class Unloaded:
         """
         seen = copy.copy(state)
         seen.mesh = self.scan
-        seen.displacement = self.organ.mesh.points + state.displacement - self.scan.points
+        scanned = self.organ.mesh.points + self.state.displacement
+        scanned[: self.scan.n_corners] = self.scan.points[: self.scan.n_corners]
+        seen.displacement = self.organ.mesh.points + state.displacement - scanned
         seen.volume_ratio = state.volume_ratio * self.organ.mesh.volume / self.scan.volume
         return seen
 

@@ -162,8 +162,8 @@ class Organ(Statics, Reducible):
 
         gravity, density, force, traction, pressure: loads during the scan, as in `solve`. Densities [kg/m^3], areas of
             tractions and fibres are those of the unloaded organ.
-        tolerance: largest distance of a node between the scan and the unloaded organ under these loads again, in units
-            of the bounding-box diagonal.
+        tolerance: largest distance of a corner of a cell between the scan and the unloaded organ under these loads
+            again, in units of the bounding-box diagonal.
         max_iterations: iterations for one load step.
         throw: raise `VisceraError` if no unloaded shape is found, instead of returning the last one found.
 
