@@ -156,7 +156,12 @@ class _Sender:
             self._data = pickle.dumps(self._shared, pickle.HIGHEST_PROTOCOL)
         data = self._data if takes_data else None
         # The number of the attempt makes each call another: Dask takes equal calls for one.
-        future = self._executor.submit(_do, next(self._attempts), self._work, self._name, data, task)
+        try:
+            future = self._executor.submit(_do, next(self._attempts), self._work, self._name, data, task)
+        except BrokenExecutor as error:
+            raise VisceraError(f"the executor has lost its workers ({error}); make another one") from error
+        except RuntimeError as error:  # as those of the standard library say that they are shut down
+            raise VisceraError(f"the executor takes no work ({error}); make another one") from error
         self._under_way[future] = number, takes_data
 
 

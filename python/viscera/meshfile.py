@@ -131,6 +131,17 @@ def write(
             state_axes(scratch, axes)
 
 
+def lacking(path: Path, sets: Mapping[str, Any], cell_sets: Mapping[str, Any], axes: str) -> list[str]:
+    """What of a mesh the format of a file cannot hold, in words."""
+    ending = _known_ending(path)
+    lacks = []
+    if ending == ".mesh" and (sets or cell_sets):
+        lacks.append("sets and parts")
+    if ending != ".vtu" and axes:
+        lacks.append(f"the axes {axes}")
+    return lacks
+
+
 def state_axes(path: Path, axes: str) -> None:
     """Puts the world axes into a comment, which every reader ignores; not every reader ignores a text in field data."""
     head, tag, rest = path.read_bytes().partition(b"<UnstructuredGrid>")

@@ -67,8 +67,8 @@ class Unloaded:
     def from_scan(self, state: State) -> State:
         """A state of `organ` with displacement and volume ratio counted from the scanned shape.
 
-        A scan shows corners of cells. Midpoints are counted from where they are under the loads of the scan, which is not
-        quite on the straight edge between them.
+        A scan shows corners of cells. Midpoints are counted from where they are under the loads of the scan, which is
+        not quite on the straight edge between them.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

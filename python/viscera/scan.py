@@ -167,6 +167,9 @@ class Scan:
         found = tuple(self._number(number) for number in _several(numbers, f"part {name!r}"))
         if not found:
             raise VisceraError(f"part {name!r} has no label; give one or several of {self._listing()}")
+        twice = next((number for number in found if found.count(number) > 1), None)
+        if twice is not None:
+            raise VisceraError(f"part {name!r} has the label {twice} twice; give it once")
         return Region(name, found)
 
     def _number(self, label: Any) -> int:

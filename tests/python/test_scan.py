@@ -137,6 +137,22 @@ def test_a_mesh_keeps_the_axes_of_its_scan(labelled: vs.Scan, tmp_path: Path) ->
     assert vs.read(tmp_path / "plain.vtu").axes == ""
 
 
+@pytest.mark.parametrize(("ending", "lacks"), [("mesh", "sets and parts and the axes RAS"), ("vtk", "the axes RAS")])
+def test_what_a_format_cannot_hold_is_told(
+    labelled: vs.Scan, tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str, lacks: str
+) -> None:
+    pytest.importorskip("nibabel")
+    labelled.write(tmp_path / "labels.nii.gz")
+    words = ["mesh", str(tmp_path / "labels.nii.gz"), "--label", "left=7", "--edge", "8mm"]
+    assert cli.main([*words, "-o", str(tmp_path / f"organ.{ending}")]) == 0
+    assert f".{ending} cannot hold {lacks}; .vtu does" in capsys.readouterr().out
+    assert cli.main([*words, "-o", str(tmp_path / "organ.vtu")]) == 0
+    assert "cannot hold" not in capsys.readouterr().out
+    words[3] = "left=7+7"
+    assert cli.main([*words, "-o", str(tmp_path / "organ.vtu")]) == 2
+    assert "part 'left' has the label 7 twice" in capsys.readouterr().err
+
+
 def test_the_command_line(labelled: vs.Scan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("nibabel")
     labels, target = str(tmp_path / "labels.nii.gz"), str(tmp_path / "organ.vtu")

@@ -19,7 +19,7 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.filekind import IMAGE, SURFACE, kind_of, require
 from viscera.imagefile import FORMATS
 from viscera.mesh import Mesh
-from viscera.meshfile import checked
+from viscera.meshfile import checked, lacking
 from viscera.meshing import SURFACES, edge_means, least_angles, mesh_surface
 from viscera.progress import bar
 from viscera.scan import Scan, scan
@@ -181,4 +181,7 @@ def _told(found: Mesh, voxels: dict[str, float], target: Path, output: Output) -
         output.say(f"  note          {message}")
     where = f", axes {found.axes}" if found.axes else ""
     output.say(f"{target}: {len(found.points)} points, {len(found.cells)} cells, in metres{where}")
+    lacks = lacking(target, found.sets, found.cell_sets, found.axes)
+    if lacks:
+        output.say(f"  note          {target.suffix} cannot hold {' and '.join(lacks)}; .vtu does")
     return facts
