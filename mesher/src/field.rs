@@ -22,23 +22,39 @@ pub struct Labels<'a> {
 const BY_VOXEL: f64 = 0.8;
 const BY_EDGE: f64 = 0.25;
 const COARSEST: f64 = 0.5;
+/// Where some owners without bias meet, each has an equal share of 1 as its score. A bias of more than that would win
+/// there, however far its label is: what it has above that, less a margin, fades where its label's indicator is below
+/// [`FADING`]. Of owners three meet along lines. More meet at points, where pieces are crumbs, which others get.
+const MEETING: usize = 3;
+const MARGIN: f64 = 0.02;
+const FADING: f64 = 0.1;
+/// With this bias a label owns all that is near it.
+const HIGHEST: f64 = 1.0;
+/// The label of a voxel that has none.
+pub const NONE: u8 = u8::MAX;
 
 /// Smoothed indicators on the part of the grid that holds the labels.
 pub struct Field {
-    dims: [usize; 3],
+    /// Number of voxels along each axis.
+    pub dims: [usize; 3],
     n_labels: usize,
     /// `u[voxel * n_labels + label]`.
     u: Vec<f32>,
+    /// The label of each voxel, by its place in the list; [`NONE`] if it has none of them.
+    pub held: Vec<u8>,
     to_index: Affine,
-    /// Added to each label's indicator; the outside has none.
-    pub bias: Vec<f64>,
+    /// Added to each label's indicator, less what it lacks; the outside has none.
+    bias: Vec<f64>,
+    /// The largest bias that lacks nothing.
+    everywhere: f64,
     /// Where the image ends within a label.
     pub planes: Vec<Plane>,
     /// Volume of each label's voxels [m^3].
     pub volumes: Vec<f64>,
     /// Lowest and highest corner of a box that holds the labels [m].
     pub bounds: [Point; 2],
-    voxel_volume: f64,
+    /// Volume of a voxel [m^3].
+    pub voxel_volume: f64,
     reach: f64,
     sizes: Sizes,
     /// The sizes of the lattice that suits the labels' edges.
@@ -147,7 +163,12 @@ impl Field {
             dims,
             n_labels: labels.len(),
             u,
+            held: (0..dims[0] * dims[1] * dims[2])
+                .into_par_iter()
+                .map(|voxel| place(voxel).map_or(NONE, |label| label as u8))
+                .collect(),
             bias: vec![0.0; labels.len()],
+            everywhere: Self::share(labels.len()),
             planes,
             volumes: match map.volumes {
                 Some(known) => known.to_vec(),
@@ -162,7 +183,7 @@ impl Field {
         };
         for _ in 0..3 {
             for label in 0..labels.len() {
-                field.bias[label] = field.level(label);
+                field.set_bias(label, field.level(label));
             }
         }
         field
@@ -176,6 +197,15 @@ impl Field {
     /// Number of labels; as a label, it is the outside.
     pub fn outside(&self) -> usize {
         self.n_labels
+    }
+
+    /// The voxel whose centre is nearest to a place.
+    pub fn voxel(&self, x: Point) -> usize {
+        let index = self.to_index.apply(x);
+        (0..3).fold(0, |voxel, k| {
+            let last = (self.dims[k] - 1) as f64;
+            voxel * self.dims[k] + index[k].round().clamp(0.0, last) as usize
+        })
     }
 
     /// Whether an edge is longer than the labels allow, somewhere within a reach of a place.
@@ -206,7 +236,59 @@ impl Field {
                 sum += weight * f64::from(value);
             }
         }
+        for (label, score) in scores.iter_mut().enumerate() {
+            *score -= self.lack(label, *score - self.bias[label]);
+        }
         scores.push(1.0 - sum);
+    }
+
+    /// Makes a label's bias larger.
+    pub fn raise(&mut self, label: usize, by: f64) {
+        self.set_bias(label, self.bias[label] + by);
+    }
+
+    /// Each label's bias.
+    pub fn biases(&self) -> &[f64] {
+        &self.bias
+    }
+
+    /// Sets every label's bias.
+    pub fn set_biases(&mut self, biases: &[f64]) {
+        for (label, &bias) in biases.iter().enumerate() {
+            self.set_bias(label, bias);
+        }
+    }
+
+    fn set_bias(&mut self, label: usize, bias: f64) {
+        self.bias[label] = bias.min(HIGHEST);
+        // Where owners meet, their scores are at least their share and the lower of their biases.
+        let lowest = self.bias.iter().copied().fold(0.0, f64::min);
+        self.everywhere = Self::share(self.n_labels) + lowest;
+    }
+
+    /// A little less than the largest score where the owners other than a label meet: there are as many as labels, since
+    /// the outside is one.
+    fn share(n_labels: usize) -> f64 {
+        1.0 / n_labels.min(MEETING) as f64 - MARGIN
+    }
+
+    /// What a label's bias lacks where its indicator is `u`.
+    fn lack(&self, label: usize, u: f64) -> f64 {
+        self.fading(label) * (1.0 - u / FADING).max(0.0)
+    }
+
+    /// How much of a label's bias fades.
+    fn fading(&self, label: usize) -> f64 {
+        (self.bias[label] - self.everywhere).max(0.0)
+    }
+
+    /// The bias with which a label has a score where its indicator is `u`.
+    fn needed(&self, u: f64, score: f64) -> f64 {
+        let bias = score - u;
+        if u >= FADING || bias <= self.everywhere {
+            return bias;
+        }
+        self.everywhere + (bias - self.everywhere) * FADING / u
     }
 
     /// Score and gradient of the difference between two owners.
@@ -220,6 +302,20 @@ impl Field {
             value += weights[i] * at;
             for k in 0..3 {
                 slope[k] += slopes[i][k] * at;
+            }
+        }
+        for (owner, sign) in [(a, 1.0), (b, -1.0)] {
+            if owner == self.n_labels || self.fading(owner) == 0.0 {
+                continue;
+            }
+            let u = corners.map(|corner| f64::from(self.u[corner * self.n_labels + owner]));
+            let read = |by: [f64; 8]| by.iter().zip(u).map(|(by, u)| by * u).sum::<f64>();
+            let lack = self.lack(owner, read(weights));
+            if lack > 0.0 {
+                value -= sign * lack;
+                for k in 0..3 {
+                    slope[k] += sign * self.fading(owner) / FADING * read(slopes.map(|s| s[k]));
+                }
             }
         }
         let gradient = std::array::from_fn(|j| {
@@ -283,11 +379,11 @@ impl Field {
             .par_chunks(self.n_labels)
             .map(|u| {
                 let outside = 1.0 - u.iter().map(|&v| f64::from(v)).sum::<f64>();
-                let others = (0..self.n_labels)
-                    .filter(|&l| l != label)
-                    .map(|l| f64::from(u[l]) + self.bias[l])
-                    .fold(outside, f64::max);
-                others - f64::from(u[label])
+                let score =
+                    |l: usize| f64::from(u[l]) + self.bias[l] - self.lack(l, f64::from(u[l]));
+                let others =
+                    (0..self.n_labels).filter(|&l| l != label).map(score).fold(outside, f64::max);
+                self.needed(f64::from(u[label]), others)
             })
             .collect();
         needed.par_sort_unstable_by(f64::total_cmp);

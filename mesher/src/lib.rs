@@ -3,7 +3,8 @@
 //! The labels' indicators are smoothed and biased so that each label keeps its volume ([`field`]). A body-centred cubic
 //! lattice, graded where labels ask for edges of different lengths ([`size`], [`lattice`]), is cut by the surfaces between
 //! the owners, nodes near a surface being moved onto it ([`cut`]: isosurface stuffing). Then nodes move, each on its
-//! surfaces, until no angle can be made better ([`improve`]).
+//! surfaces, until no angle can be made better ([`improve`]). If a cell stays flat or turned over, the lattice is shifted,
+//! and the work begins anew.
 
 mod constraint;
 mod cut;
@@ -34,6 +35,8 @@ pub enum Error {
     Absent(u16),
     /// The lattice misses the label: the edge is too long for it.
     Missed(u16),
+    /// At this place [m] surfaces are so close that cells between them stay flat or turned over.
+    Tangled(Point),
     /// The lengths are not one for each label, or not above zero.
     BadEdges,
     /// None, or more than [`MOST_LABELS`].
@@ -59,6 +62,14 @@ impl std::fmt::Display for Error {
                 f,
                 "the edge is too long for label {label}: no cell of it is left; use a shorter one"
             ),
+            Error::Tangled(place) => {
+                let [x, y, z] = place.map(|x| 1e3 * x);
+                write!(
+                    f,
+                    "the surfaces between labels tangle at ({x:.1}, {y:.1}, {z:.1}) mm; take another edge, such as one \
+                     that is a tenth shorter"
+                )
+            }
             Error::BadEdges => write!(f, "there must be one edge for each label, above zero"),
             Error::TooManyLabels(count) => {
                 write!(f, "{count} labels at once; there may be 1 to {MOST_LABELS}")
@@ -89,7 +100,7 @@ pub struct Mesh {
     pub edges: Vec<f64>,
     /// Volume that each label was to have, that of its voxels unless another was given [m^3].
     pub volumes: Vec<f64>,
-    /// Volume of each label that was dropped with parts that held little of any label [m^3].
+    /// Volume of each label's voxels that was dropped with parts that held little of any label [m^3].
     pub dropped: Vec<f64>,
     /// How many parts were dropped.
     pub n_dropped: usize,
@@ -100,6 +111,21 @@ const CORRECTIONS: usize = 3;
 const LAST_CORRECTIONS: usize = 2;
 const SWEEPS: i32 = 16;
 const LAST_SWEEPS: i32 = 4;
+const STEPS: usize =
+    2 + CORRECTIONS + SWEEPS as usize + LAST_CORRECTIONS * (1 + LAST_SWEEPS as usize);
+/// Where surfaces are closer to each other than nodes, a cell may stay flat or turned over. On a lattice that lies
+/// elsewhere it seldom does: these shifts are tried [spacings], until no angle has a smaller sine than the first limit.
+/// The second is that of a cell that is no good at all.
+const SHIFTS: [Point; 6] = [
+    [0.0, 0.0, 0.0],
+    [0.37, 0.21, 0.13],
+    [0.11, 0.43, 0.29],
+    [0.23, 0.07, 0.41],
+    [0.47, 0.31, 0.19],
+    [0.17, 0.39, 0.05],
+];
+const SOUND: f64 = 0.02;
+const FLAT: f64 = 1e-3;
 /// Largest correction of a bias.
 const LARGEST: f64 = 0.1;
 /// Half the diagonal of a cube, in sides.
@@ -108,10 +134,10 @@ const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 /// Meshes some labels of a map with cells whose edges have at most about the lengths `edges` [m], one for each label.
 /// Towards a label with shorter edges, the others' become shorter.
 ///
-/// `watch(done, total)` receives the progress; false ends the work.
+/// `watch(done, total)` receives the progress, which begins anew when another lattice is tried; false ends the work.
 ///
 /// # Errors
-/// A bad map or list of labels; an edge that is too long; `watch` has returned false.
+/// A bad map or list of labels; an edge that is too long; surfaces that tangle; `watch` has returned false.
 pub fn mesh(
     map: &Labels,
     labels: &[u16],
@@ -119,26 +145,73 @@ pub fn mesh(
     mut watch: impl FnMut(usize, usize) -> bool,
 ) -> Result<Mesh, Error> {
     check(map, labels, edges)?;
-    let total = 2 + CORRECTIONS + SWEEPS as usize + LAST_CORRECTIONS * (1 + LAST_SWEEPS as usize);
+    if !watch(0, STEPS) {
+        return Err(Error::Cancelled);
+    }
+    let mut field = Field::new(map, labels, edges);
+    let biases = field.biases().to_vec();
+    let mut best: Option<(f64, Mesh)> = None;
+    let mut place = [0.0; 3];
+    for shift in SHIFTS {
+        field.set_biases(&biases);
+        let made = match tried(&mut field, labels, shift, &mut watch) {
+            Err(Error::Missed(_) | Error::TooFine) if best.is_some() => continue,
+            made => made?,
+        };
+        let (mut sine, mut at) = made.worst(&field);
+        let mesh = finished(&field, edges, made);
+        let hanging = || viscera_mesh::inspect(&mesh.points, &mesh.cells).hanging;
+        if sine > FLAT
+            && let Some(&[node, _]) = hanging().first()
+        {
+            (sine, at) = (0.0, mesh.points[node as usize]);
+        }
+        if best.as_ref().is_none_or(|(least, _)| sine > *least) {
+            best = Some((sine, mesh));
+            place = at;
+        }
+        if sine > SOUND {
+            break;
+        }
+    }
+    match best {
+        Some((sine, mesh)) if sine > FLAT => Ok(mesh),
+        _ => Err(Error::Tangled(place)),
+    }
+}
+
+/// A mesh of what is inside and outside.
+struct Made {
+    cut: Cut,
+    points: Vec<Point>,
+    /// The owners that meet at each node.
+    meeting: Vec<u64>,
+}
+
+/// One try, on a lattice that lies `shift` spacings lower.
+fn tried(
+    field: &mut Field,
+    labels: &[u16],
+    shift: Point,
+    watch: &mut impl FnMut(usize, usize) -> bool,
+) -> Result<Made, Error> {
     let mut done = 0;
     let mut step = || {
         done += 1;
-        if watch(done - 1, total) { Ok(()) } else { Err(Error::Cancelled) }
+        if watch(done, STEPS) { Ok(()) } else { Err(Error::Cancelled) }
     };
-    step()?;
-    let mut field = Field::new(map, labels, edges);
-    let lattice = lattice(&field).ok_or(Error::TooFine)?;
+    let lattice = lattice(field, shift).ok_or(Error::TooFine)?;
     for _ in 0..CORRECTIONS {
         step()?;
-        let cut = cut_lattice(&field, &lattice);
-        correct(&mut field, labels, &cut.points, &cut)?;
+        let cut = cut_lattice(field, &lattice);
+        correct(field, labels, &cut.points, &cut)?;
     }
-    let cut = cut_lattice(&field, &lattice);
+    let cut = cut_lattice(field, &lattice);
     let meeting = improve::meeting(cut.points.len(), &cut.interfaces);
     let mut points = {
         let start = cut.points.clone();
         let mut improving =
-            Improving::new(&field, &cut.spacing, start, &meeting, &cut.cells, &cut.owner);
+            Improving::new(field, &cut.spacing, start, &meeting, &cut.cells, &cut.owner);
         for round in 0..SWEEPS {
             step()?;
             improving.sweep(round);
@@ -147,9 +220,9 @@ pub fn mesh(
     };
     for _ in 0..LAST_CORRECTIONS {
         step()?;
-        correct(&mut field, labels, &points, &cut)?;
+        correct(field, labels, &points, &cut)?;
         let mut improving =
-            Improving::new(&field, &cut.spacing, points, &meeting, &cut.cells, &cut.owner);
+            Improving::new(field, &cut.spacing, points, &meeting, &cut.cells, &cut.owner);
         improving.return_to_surfaces();
         for round in 0..LAST_SWEEPS {
             step()?;
@@ -158,11 +231,36 @@ pub fn mesh(
         points = improving.points;
     }
     step()?;
-    Ok(finished(field, edges, &points, cut, &meeting))
+    Ok(Made { cut, points, meeting })
+}
+
+impl Made {
+    /// The smallest sine of an angle, negative in a cell that is turned over, and where it is. A cell outside that is flat
+    /// or turned over between cells inside counts as a bad one, but not as a flat one.
+    fn worst(&self, field: &Field) -> (f64, Point) {
+        let mut is_used = vec![false; self.points.len()];
+        let owned = self.cut.cells.iter().zip(&self.cut.owner);
+        for (cell, _) in owned.clone().filter(|(_, owner)| **owner != field.outside()) {
+            cell.iter().for_each(|&i| is_used[i as usize] = true);
+        }
+        let sine = |(cell, &owner): (&[u32; 4], &usize)| {
+            let corners = cell.map(|i| self.points[i as usize]);
+            let sine = quality::min_sine(corners);
+            let is_between = || cell.iter().all(|&i| is_used[i as usize]);
+            let counted = match owner != field.outside() {
+                true => sine,
+                false if sine < FLAT && is_between() => 0.5 * SOUND,
+                false => 1.0,
+            };
+            (counted, vector::mean(corners))
+        };
+        let lower = |a: (f64, Point), b: (f64, Point)| if b.0 < a.0 { b } else { a };
+        owned.map(sine).fold((1.0, [0.0; 3]), lower)
+    }
 }
 
 /// The cells inside, and facts about them.
-fn finished(field: Field, edges: &[f64], points: &[Point], cut: Cut, meeting: &[u64]) -> Mesh {
+fn finished(field: &Field, edges: &[f64], Made { cut, points, meeting }: Made) -> Mesh {
     let kept = (0..cut.cells.len()).filter(|&c| cut.owner[c] != field.outside());
     let (cells, owner): (Vec<_>, Vec<_>) = kept.map(|c| (cut.cells[c], cut.owner[c])).unzip();
     let (used, cells) = renumbered(points.len(), cells);
@@ -173,7 +271,7 @@ fn finished(field: Field, edges: &[f64], points: &[Point], cut: Cut, meeting: &[
         owner,
         cut: (0..used.len() as u32).filter(|&i| is_cut(i)).collect(),
         edges: edges.iter().map(|&edge| field.levels.edge(edge)).collect(),
-        volumes: field.volumes,
+        volumes: field.volumes.clone(),
         dropped: cut.dropped,
         n_dropped: cut.n_dropped,
     }
@@ -212,12 +310,14 @@ struct Cut {
     n_dropped: usize,
 }
 
-/// The lattice where the labels may be, whatever the corrections of the biases.
-fn lattice(field: &Field) -> Option<Lattice> {
+/// The lattice where the labels may be, whatever the corrections of the biases, lowered by a shift in spacings.
+fn lattice(field: &Field, shift: Point) -> Option<Lattice> {
     let levels = field.levels;
     let is_coarse = |x, side| field.is_too_long(x, side * MEAN_EDGE, HALF_DIAGONAL * side);
     let is_near = |x| field.outsideness(x, &mut Vec::new()) < CORRECTIONS as f64 * LARGEST;
-    Lattice::new(field.bounds, levels.finest / MEAN_EDGE, levels.count, is_coarse, is_near)
+    let side = levels.finest / MEAN_EDGE;
+    let bounds = [vector::sub(field.bounds[0], vector::scale(shift, side)), field.bounds[1]];
+    Lattice::new(bounds, side, levels.count, is_coarse, is_near)
 }
 
 fn cut_lattice(field: &Field, lattice: &Lattice) -> Cut {
@@ -299,8 +399,8 @@ fn correct(field: &mut Field, labels: &[u16], points: &[Point], cut: &Cut) -> Re
         }
     }
     let wanted = (0..n).map(|l| field.volumes[l] - cut.dropped[l] - volumes[l]).collect();
-    for (bias, shift) in field.bias.iter_mut().zip(solved(slope, wanted)) {
-        *bias += shift.clamp(-LARGEST, LARGEST);
+    for (label, shift) in solved(slope, wanted).into_iter().enumerate() {
+        field.raise(label, shift.clamp(-LARGEST, LARGEST));
     }
     Ok(())
 }

@@ -254,3 +254,39 @@ fn who_watches_can_end_the_work() {
     .expect("a mesh");
     assert_eq!(last.0 + 1, last.1, "the steps add up to what was announced");
 }
+
+#[test]
+fn a_small_label_stays_in_its_place() {
+    // 1.7 edges across: the lattice has too few cells there, so the bias becomes large.
+    let centre = [0.0, 0.0, 5.5];
+    let values = painted(|x| match distance(x, [0.0; 3]) {
+        r if r > 19.0 => 0,
+        _ => 1 + u16::from(distance(x, centre) < 5.0),
+    });
+    let mesh = made(&values, &[1, 2], 6.0);
+    for error in volume_errors(&mesh) {
+        assert!(error.abs() < 0.03, "{error}");
+    }
+    for (&cell, _) in mesh.cells.iter().zip(&mesh.owner).filter(|(_, owner)| **owner == 1) {
+        for x in corners(&mesh, cell) {
+            let x = x.map(|x| x - 0.5 * (N as f64 - 1.0));
+            assert!(distance(x, centre) < 10.0, "{x:?} is far from the label");
+        }
+    }
+}
+
+#[test]
+fn what_is_dropped_leaves_the_rest_its_volume() {
+    let is_in = |x: [f64; 3], low: f64, high: f64| x.iter().all(|x| (low..high).contains(x));
+    let values = painted(|x| u16::from(is_in(x, -16.0, 4.0) || is_in(x, 9.0, 15.0)));
+    let mesh = made(&values, &[1], 4.0);
+    assert_eq!((mesh.n_dropped, mesh.volumes[0]), (1, 8216.0));
+    assert!((mesh.dropped[0] - 216.0).abs() < 1e-9, "{}", mesh.dropped[0]);
+    assert!((volume_errors(&mesh)[0] + 216.0 / 8216.0).abs() < 1e-3);
+}
+
+#[test]
+fn a_tangle_is_told_with_its_place() {
+    let told = Error::Tangled([0.012, -0.0034, 0.1]).to_string();
+    assert!(told.starts_with("the surfaces between labels tangle at (12.0, -3.4, 100.0) mm; "));
+}

@@ -29,6 +29,7 @@ from viscera.select import BOUND, length
 Progress = Callable[[int, int, str], None]
 Edges = float | str | Mapping[str, float | str]
 """A mean edge [m] or words such as "8 mm"; or one for each part by name."""
+Numbers = NDArray[np.integer[Any]]
 SURFACES = (".stl", ".obj", ".ply")
 VOXELS_PER_EDGE = 4
 """Voxels along an edge, in the grid that separates the inside of a surface from the outside."""
@@ -37,6 +38,10 @@ MOST_VOXELS = 2e8
 MOST_CELLS = 5e7
 MIDDLE_EDGE = 0.911
 """Mean edge of the lattice in units of its spacing; the volume of a cell is a twelfth of the spacing cubed."""
+OFF = 0.02
+"""Share of its volume by which a part may be off before a message says so."""
+MOST_OFF = 0.5
+"""A part that is off by more is refused: cells this coarse do not show it."""
 DIRECTIONS = {
     "RAS": (("right", "left"), ("anterior", "posterior"), ("superior", "inferior")),
     "LPS": (("left", "right"), ("posterior", "anterior"), ("superior", "inferior")),
@@ -84,8 +89,8 @@ def mesh_regions(
     cell_sets = {region.name: np.flatnonzero(made["owner"] == k) for k, region in enumerate(regions)}
     sets = {"cut": made["cut"]} if len(made["cut"]) else {}
     found = mesh(made["points"], made["cells"], sets, cell_sets)
-    shorter = _shorter_edges(made["edges"], sizes, regions)
-    messages = (*found.messages, *_messages(made, own, affine, axes, regions), *shorter)
+    told = [*_messages(made, own, affine, axes, regions), *_shorter_edges(made["edges"], sizes, regions)]
+    messages = (*found.messages, *told, *_volumes_off(found, made, "voxels" if volumes is None else "surface"))
     return replace(found, axes=axes, messages=messages)
 
 
@@ -126,7 +131,7 @@ def mesh_surface(
     """
     size = _edge(edge, "edge")
     points, triangles, axes = _surface(surface, units)
-    points, triangles, messages = _mended(points, triangles)
+    points, triangles, notes, messages = _mended(points, triangles)
     step = size / VOXELS_PER_EDGE
     low, high = points.min(axis=0), points.max(axis=0)
     shape = [int(n) for n in np.ceil((high - low) / step) + 8]
@@ -147,16 +152,16 @@ def mesh_surface(
         messages.append(f"parts of the surface overlap in {1e6 * twice:.3g} ml; they are joined")
     if (turned := np.count_nonzero(winding < -0.5) * step**3) > 0:
         messages.append(f"the triangles around {1e6 * turned:.3g} ml look inward; that is inside as well")
-    exact = None if messages and messages != [TURNED] else [_enclosed(points, triangles)]
+    exact = None if messages else [_enclosed(points, triangles)]
     region = Region(name, (1,))
     found = mesh_regions(inside.astype(np.uint16), affine, [region], size, axes=axes, volumes=exact, progress=progress)
-    return replace(found, messages=(*messages, *found.messages))
+    return replace(found, messages=(*notes, *messages, *found.messages))
 
 
 def read_surface(path: Path, units: str | float) -> tuple[Floats, Indices]:
     """Points (n, 3) [m] and triangles (t, 3) of a file, with equal points joined and triangles turned outward."""
     points, triangles, _ = _surface(path, units)
-    points, triangles, _ = _mended(points, triangles)
+    points, triangles, _, _ = _mended(points, triangles)
     return points, triangles
 
 
@@ -217,6 +222,21 @@ def _messages(
     return messages
 
 
+def _volumes_off(found: Mesh, made: dict[str, Any], whose: str) -> list[str]:
+    """The parts whose volume is not that of their voxels, or of the surface, less what was dropped."""
+    messages = []
+    for (name, cells), wanted in zip(found.cell_sets.items(), made["volumes"] - made["dropped"], strict=True):
+        volume = float(found.facts["cell_volumes"][cells].sum())
+        off = volume / wanted - 1.0
+        both = f"its mesh has {1e6 * volume:.3g} ml, its {whose} {1e6 * wanted:.3g} ml"
+        if abs(off) > MOST_OFF:
+            raise VisceraError(f"the edge is too long for {name!r}: {both}; give a shorter one")
+        if abs(off) > OFF:
+            than = f"{100 * abs(off):.2g} % too {'large' if off > 0.0 else 'small'}"
+            messages.append(f"{name!r} is {than} ({both}): give a shorter edge where that matters")
+    return messages
+
+
 def _shorter_edges(edges: Floats, asked: Sequence[float], regions: Sequence[Region]) -> list[str]:
     """What the lattice made of the lengths asked for, where that is less."""
     told = [
@@ -250,8 +270,7 @@ def _surface(surface: Any, units: str | float) -> tuple[Floats, Indices, str]:
     if isinstance(surface, str | os.PathLike):
         (points, triangles, axes), place = _read_surface(Path(surface)), f"{surface}: "
     else:
-        (points, triangles), axes, place = surface, "", ""
-    points, triangles = np.asarray(points, dtype=np.float64), np.asarray(triangles)
+        (points, triangles), axes, place = _pair(surface), "", ""
     if points.ndim != 2 or points.shape[1] != 3:
         raise VisceraError(f"a surface needs points (n, 3), not {points.shape}")
     if len(wrong := np.flatnonzero(~np.isfinite(points).all(axis=1))):
@@ -261,6 +280,22 @@ def _surface(surface: Any, units: str | float) -> tuple[Floats, Indices, str]:
     if triangles.min() < 0 or triangles.max() >= len(points):
         raise VisceraError(f"{place}a triangle names a point that is not one of {len(points)}")
     return factor * points, triangles.astype(np.uint32), axes
+
+
+def _pair(surface: Any) -> tuple[Floats, NDArray[Any]]:
+    """Points and triangles as numbers, of whatever shape."""
+    try:
+        points, triangles = surface
+    except (TypeError, ValueError):
+        raise VisceraError("a surface is a file's path, or a pair: points (n, 3) and triangles (t, 3)") from None
+    try:
+        points, triangles = np.asarray(points, dtype=np.float64), np.asarray(triangles)
+        is_whole = triangles.size == 0 or np.array_equal(triangles, np.rint(triangles))
+    except (TypeError, ValueError):
+        is_whole = False
+    if not is_whole or triangles.dtype.kind not in "iuf":
+        raise VisceraError("a surface needs points (n, 3) of numbers and triangles (t, 3) of whole numbers")
+    return points, triangles
 
 
 def _read_surface(path: Path) -> tuple[Floats, NDArray[np.int64], str]:
@@ -275,21 +310,75 @@ def _read_surface(path: Path) -> tuple[Floats, NDArray[np.int64], str]:
     return points, triangles, axes
 
 
-def _mended(points: Floats, triangles: Indices) -> tuple[Floats, Indices, list[str]]:
-    """The surface with equal points joined and triangles turned outward, and a list of its faults."""
-    messages = []
-    places, number = np.unique(points, axis=0, return_inverse=True)
-    triangles = number.reshape(-1)[triangles].astype(np.uint32)
+def _mended(points: Floats, triangles: Indices) -> tuple[Floats, Indices, list[str], list[str]]:
+    """The surface with equal points joined, unused ones left out and triangles turned outward; what was turned; and a
+    list of faults that leave its volume unknown."""
+    notes, faults = [], []
+    used, number = np.unique(triangles, return_inverse=True)
+    places, place = np.unique(points[used], axis=0, return_inverse=True)
+    triangles = place.reshape(-1)[number.reshape(triangles.shape)].astype(np.uint32)
+    is_odd, is_one_sided = _odd_triangles(triangles)
+    if odd := np.count_nonzero(is_odd):
+        triangles[is_odd] = triangles[is_odd, ::-1]
+        notes.append(f"turned {odd} of {len(triangles)} triangles that faced another way than those around them")
+    if is_one_sided:
+        faults.append("the triangles of the surface cannot all face one way; its volume is that of the grid's voxels")
     if _enclosed(places, triangles) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
-        messages.append(TURNED)
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, count = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
+        notes.append(TURNED)
+    _, count, _ = _edges(triangles)
     if open_edges := np.count_nonzero(count == 1):
-        messages.append(f"the surface is open at {open_edges} edges; its holes are closed by the winding number")
+        faults.append(f"the surface is open at {open_edges} edges; its holes are closed by the winding number")
     if crowded := np.count_nonzero(count > 2):
-        messages.append(f"more than two triangles meet at {crowded} edges of the surface")
-    return places, triangles, messages
+        faults.append(f"more than two triangles meet at {crowded} edges of the surface")
+    return places, triangles, notes, faults
+
+
+def _edges(triangles: Indices) -> tuple[Numbers, Numbers, Numbers]:
+    """The triangles' directed edges (e, 3), sorted so that those with the same ends follow each other: lower end, upper
+    end, twice the triangle plus one if the edge runs down. How many there are of each, and the first of them."""
+    ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
+    which = 2 * np.repeat(np.arange(len(triangles)), 3) + (ends[:, 0] > ends[:, 1])
+    table = np.column_stack([ends.min(axis=1), ends.max(axis=1), which])[ends[:, 0] != ends[:, 1]]
+    table = table[np.lexsort((table[:, 1], table[:, 0]))]
+    starts = np.flatnonzero(np.diff(table[:, :2], axis=0, prepend=-1).any(axis=1))
+    return table, np.diff(starts, append=len(table)), starts
+
+
+def _odd_triangles(triangles: Indices) -> tuple[NDArray[np.bool_], bool]:
+    """The triangles that face another way than most of those that edges join them with, and whether some of these
+    cannot face one way, as on a Moebius strip: they stay."""
+    table, count, starts = _edges(triangles)
+    pairs = table[starts[count == 2][:, None] + [0, 1], 2]
+    is_against = (pairs[:, 0] - pairs[:, 1]) % 2 == 0
+    if not is_against.any():
+        return np.zeros(len(triangles), dtype=bool), False
+    # Each triangle twice, as it is and turned (2 t, 2 t + 1): joined are those that face one way. What can face one way
+    # then falls into two parts, and a triangle's two copies have different ones.
+    t, u = (pairs // 2).T
+    copies = np.concatenate([2 * t, 2 * t + 1]), np.concatenate([2 * u + is_against, 2 * u + ~is_against])
+    part = _parts(2 * len(triangles), *copies).reshape(-1, 2)
+    is_one_sided = part[:, 0] == part[:, 1]
+    lower = part.min(axis=1)
+    is_turned = part[:, 0] > part[:, 1]
+    turned, size = (np.bincount(lower, weights=w, minlength=2 * len(lower)) for w in (is_turned, np.ones(len(lower))))
+    is_odd = is_turned != (2 * turned > size)[lower]
+    return is_odd & ~is_one_sided, bool(is_one_sided.any())
+
+
+def _parts(n: int, a: Numbers, b: Numbers) -> Numbers:
+    """For each of n nodes the lowest one that the edges (a, b) join it with."""
+    part = np.arange(n)
+    while True:
+        lower = np.minimum(part[a], part[b])
+        joined = part.copy()
+        for ends in (a, b):
+            np.minimum.at(joined, part[ends], lower)
+        while not np.array_equal(further := joined[joined], joined):
+            joined = further
+        if np.array_equal(joined, part):
+            return part
+        part = joined
 
 
 def _enclosed(points: Floats, triangles: Indices) -> float:

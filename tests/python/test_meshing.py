@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
+from viscera import meshing
 from viscera.meshing import edge_means, least_angles
 
 VOXEL = 0.003
@@ -134,6 +135,81 @@ def test_the_boundary_is_smooth() -> None:
     off = mesh.points[free] @ normal / VOXEL - 19.5 * normal.sum()
     assert np.abs(off).max() < 0.3, "stairs would be off by 0.5 to 1"
     assert off.std() < 0.1
+
+
+def nodule(radius: float, depth: float = 6.0) -> vs.Scan:
+    """A ball of 44.6 ml, label 1, with a small one in it, label 2."""
+    values = (from_middle() < 22.0).astype(np.uint16)
+    values[from_middle(depth) < radius] = 2
+    return vs.Scan(values, 1e-3 * np.eye(3, 4))
+
+
+def from_middle(depth: float = 0.0) -> NDArray[np.float64]:
+    """Distances of 60 voxels cubed from a place near their middle [voxels]."""
+    middle = np.reshape([29.5, 29.5, 29.5 + depth], (3, 1, 1, 1))
+    return np.asarray(np.linalg.norm(np.indices((60, 60, 60)) - middle, axis=0))
+
+
+@pytest.mark.parametrize(("radius", "edge"), [(5, "6 mm"), (5, "4 mm"), (4, "5 mm"), (3.5, "3 mm"), (2.5, "3 mm")])
+def test_a_small_label_keeps_its_volume_and_place(radius: float, edge: str) -> None:
+    scan, labels = nodule(radius, 5.5), {"organ": 1, "tumour": 2}
+    mesh = scan.mesh(labels, edge=edge)
+    errors = volume_errors(scan, mesh, labels)
+    assert abs(errors["organ"]) < 0.005
+    told = [message for message in mesh.messages if "'tumour' is" in message]
+    assert bool(told) == (abs(errors["tumour"]) > 0.02)
+    assert abs(errors["tumour"]) < 0.2
+    away = np.linalg.norm(mesh.points[mesh.cells[mesh.cell_sets["tumour"]]] - 1e-3 * np.array([29.5, 29.5, 35]), axis=2)
+    assert away.max() < 2e-3 * radius, "no shell round the organ"
+
+
+def test_a_part_with_another_volume_than_its_voxels_is_told() -> None:
+    mesh = nodule(3.5, 5.5).mesh({"organ": 1, "tumour": 2}, edge="4 mm")
+    told = r"'tumour' is 1\d % too small \(its mesh has 0.14\d ml, its voxels 0.168 ml\): give a shorter edge where"
+    assert re.match(told, mesh.messages[-1])
+
+
+def test_a_part_that_the_edge_is_too_long_for_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(meshing, "MOST_OFF", 0.1)
+    words = r"the edge is too long for 'tumour': its mesh has 0.14\d ml, its voxels 0.168 ml; give a shorter one"
+    with pytest.raises(vs.VisceraError, match=words):
+        nodule(3.5, 5.5).mesh({"organ": 1, "tumour": 2}, edge="4 mm")
+
+
+def test_what_is_dropped_leaves_the_rest_its_volume() -> None:
+    values = np.zeros((40, 40, 40), dtype=np.uint16)
+    values[5:25, 5:25, 5:25] = values[30:36, 30:36, 30:36] = 1
+    mesh = vs.Scan(values, 1e-3 * np.eye(3, 4)).mesh({"block": 1}, edge="4 mm")
+    assert mesh.volume == pytest.approx(8e-6, rel=1e-3)
+    assert mesh.messages == ("dropped a separate piece with less than 5 % of its label: 0.22 ml of 'block'",)
+
+
+def tissues(seed: int, n: int, wave: float, origin: float) -> NDArray[np.int64]:
+    """Four tissues in n voxels cubed, 0 to 3, whose surfaces curve and meet at random."""
+    rng = np.random.default_rng(seed)
+    waves, phases = wave * rng.normal(size=(4, 6, 3)), rng.uniform(0, 2 * np.pi, (4, 6))
+    places = np.moveaxis(np.indices((n, n, n)), 0, -1) - origin
+    sums = np.cos(np.einsum("ijkd,lwd->ijklw", places, waves) + phases).sum(axis=-1)
+    return np.asarray(sums.argmax(axis=-1))
+
+
+@pytest.mark.parametrize(
+    ("seed", "is_cut", "edge"), [(5, False, 4), (28, False, 4), (102, False, 4), (40, True, 3), (77, True, 3)]
+)
+def test_surfaces_that_are_close_do_not_tangle(seed: int, is_cut: bool, edge: float) -> None:
+    """Maps of which the first lattice makes cells that are turned over, or points that hang on faces."""
+    if is_cut:
+        values = tissues(seed, 18, 0.35, 0.0)
+    else:
+        values = tissues(seed, 24, 0.25, 11.5) + 1
+        values[np.linalg.norm(np.indices(values.shape) - 11.5, axis=0) > 9.0] = 0
+    scan = vs.Scan(values, 1.5e-3 * np.eye(3, 4))
+    labels = {f"tissue {label}": label for label, count in scan.labels.items() if count > 100}
+    told: list[int] = []
+    mesh = scan.mesh(labels, edge=f"{edge} mm", progress=lambda done, total, stage: told.append(done))
+    assert told.count(1) > 1, "more than one lattice was tried"
+    assert least_angles(mesh.points, mesh.cells).min() > 5.0
+    assert max(abs(error) for error in volume_errors(scan, mesh, labels).values()) < 0.02
 
 
 def test_supports_by_condition_label_and_paint(liver: vs.Scan, tmp_path: Path) -> None:
@@ -273,6 +349,71 @@ def test_holes_overlaps_and_turned_triangles_are_healed_and_told() -> None:
     assert two.facts["n_parts"] == 1
 
 
+def ball_surface(radius: float) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Points and outward triangles of a ball: an octahedron, whose triangles are quartered four times."""
+    points = np.concatenate([np.eye(3), -np.eye(3)])
+    corners = points[[[i, j, k] for i in (0, 3) for j in (1, 4) for k in (2, 5)]]
+    for _ in range(4):
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        ab, bc, ca = a + b, b + c, c + a
+        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        corners = np.concatenate([np.stack(part, axis=1) for part in parts])
+        corners /= np.linalg.norm(corners, axis=2, keepdims=True)
+    is_inward = np.linalg.det(corners) < 0.0
+    corners[is_inward] = corners[is_inward, ::-1]
+    points, numbers = np.unique(corners.reshape(-1, 3).round(12), axis=0, return_inverse=True)
+    return radius * points, numbers.reshape(-1, 3).astype(np.uint32)
+
+
+@pytest.mark.parametrize("odd", [1, 200, 1100, 2000])
+def test_triangles_that_face_different_ways_are_turned_and_told(odd: int) -> None:
+    points, triangles = ball_surface(0.03)
+    whole = vs.mesh_surface((points, triangles), edge=0.008)
+    assert whole.messages == ()
+    chosen = np.random.default_rng(0).choice(len(triangles), odd, replace=False)
+    mixed = triangles.copy()
+    mixed[chosen] = mixed[chosen, ::-1]
+    mesh = vs.mesh_surface((points, mixed), edge=0.008)
+    assert mesh.volume == pytest.approx(whole.volume, rel=1e-3)
+    fewer = min(odd, len(triangles) - odd)
+    assert mesh.messages[0] == f"turned {fewer} of 2048 triangles that faced another way than those around them"
+    assert len(mesh.messages) == (1 if fewer == odd else 2), "and then the whole surface"
+
+
+def test_the_inside_of_a_cavity_stays_inward() -> None:
+    points, triangles = ball_surface(0.03)
+    hollow = np.concatenate([triangles, triangles[:, ::-1] + len(points)])
+    hollow[[7, 4000]] = hollow[[7, 4000], ::-1]
+    places = np.concatenate([points, 0.5 * points])
+    mesh = vs.mesh_surface((places, hollow), edge=0.006)
+    assert mesh.messages == ("turned 2 of 4096 triangles that faced another way than those around them",)
+    assert mesh.volume == pytest.approx(7 / 8 * 4 / 3 * np.pi * 0.03**3, rel=0.01)
+
+
+def test_a_surface_with_one_side_is_told() -> None:
+    """A ball beside a Moebius strip, whose triangles cannot all face one way."""
+    points, triangles = ball_surface(0.03)
+    n, angle = 24, np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    half = np.stack([np.cos(angle / 2) * np.cos(angle), np.cos(angle / 2) * np.sin(angle), np.sin(angle / 2)], axis=1)
+    middle = 0.02 * np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1) + [0.08, 0.0, 0.0]
+    strip = np.stack([middle - 0.004 * half, middle + 0.004 * half], axis=1).reshape(-1, 3)
+    first = 2 * np.arange(n)
+    quads = np.stack([first, first + 1, first + 2, first + 3], axis=1)
+    quads[-1, 2:] = [1, 0]  # half a turn
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [2, 1, 3]]]) + len(points)
+    mesh = vs.mesh_surface((np.concatenate([points, strip]), np.concatenate([triangles, faces])), edge=0.008)
+    assert mesh.messages[0].startswith("the triangles of the surface cannot all face one way")
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 0.03**3, rel=0.02)
+
+
+def test_points_that_no_triangle_names_do_not_count() -> None:
+    points, triangles = box(-0.04, 0.04)
+    mesh = vs.mesh_surface((points, triangles), edge=0.012)
+    more = vs.mesh_surface((np.concatenate([[[900.0, 0.0, 0.0]], points]), triangles + 1), edge=0.012)
+    assert np.array_equal(mesh.points, more.points)
+    assert np.array_equal(mesh.cells, more.cells)
+
+
 def test_a_ball_with_a_hole_is_closed() -> None:
     """A hole of 4 % of a ball's surface: the winding number closes it with a shallow cap."""
     ball = vs.Scan(np.linalg.norm(np.indices((30, 30, 30)) - 14.5, axis=0) < 11.0, VOXEL * np.eye(3, 4))
@@ -292,6 +433,14 @@ def test_a_ball_with_a_hole_is_closed() -> None:
         ((np.zeros((3, 3)), np.array([[0, 1, 2]])), "is longer than 'organ'"),
         ((np.zeros((3, 2)), np.array([[0, 1, 2]])), "points"),
         ((np.zeros((3, 3)), np.array([[0, 1, 5]])), "names a point that is not one of 3"),
+        (np.zeros((3, 3)), r"a surface is a file's path, or a pair: points \(n, 3\) and triangles \(t, 3\)"),
+        (None, r"a surface is a file's path, or a pair"),
+        ((np.zeros((3, 3)), np.array([["a", "b", "c"]])), r"triangles \(t, 3\) of whole numbers"),
+        ((np.zeros((3, 3)), np.array([[0.0, 1.0, np.nan]])), r"triangles \(t, 3\) of whole numbers"),
+        ((np.zeros((3, 3)), np.array([[0.0, 1.0, 1e30]])), "names a point that is not one of 3"),
+        ((np.zeros((3, 3)), np.array([[0.0, 1.0, 1.5]])), r"triangles \(t, 3\) of whole numbers"),
+        ((np.zeros((3, 3)), [[0, 1, 2], [0, 1]]), r"triangles \(t, 3\) of whole numbers"),
+        (([["a", "b", "c"]], np.array([[0, 0, 0]])), r"a surface needs points \(n, 3\) of numbers"),
         ("missing.stl", "no such file"),
         ("surface.docx", "no such file|unknown surface format"),
     ],
