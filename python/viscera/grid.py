@@ -297,32 +297,39 @@ def read(path: str | os.PathLike[str]) -> Any:
     _ending(name)
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such image")
+    affine = _affine_as_scans(name) if name.lower().endswith((".nii", ".nii.gz")) else None
     try:
         image = sitk().ReadImage(name)
     except RuntimeError as error:
         raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
     if image.GetDimension() != 3:
         raise VisceraError(f"{name}: has {image.GetDimension()} dimensions; a volume has 3, so take one of its frames")
-    if name.lower().endswith((".nii", ".nii.gz")):
-        _place_as_scans(image, name)
+    if affine is not None:
+        matrix, sign = affine[:, :3], AXES["RAS"]
+        spacing = np.linalg.norm(matrix, axis=0)
+        image.SetSpacing((spacing / MM).tolist())
+        image.SetOrigin((sign * affine[:, 3] / MM).tolist())
+        image.SetDirection((sign[:, None] * matrix / spacing).ravel().tolist())
     return image
 
 
-def _place_as_scans(image: Any, name: str) -> None:
-    """Puts a NIfTI image where `viscera.scan` does, by the affine map of its sform; ITK may prefer the qform."""
-    affine = nifti_affine(Path(name))
-    matrix, origin = affine[:, :3] / MM, affine[:, 3] / MM
-    spacing = np.linalg.norm(matrix, axis=0)
-    direction = matrix / spacing
-    if not np.allclose(direction.T @ direction, np.eye(3), atol=1e-4):
+def _affine_as_scans(name: str) -> Floats:
+    """The affine map (3, 4) [m] by which `viscera.scan` places a NIfTI image: its sform. ITK may prefer the qform."""
+    try:
+        affine = nifti_affine(Path(name))
+    except VisceraError:
+        raise
+    except Exception as error:  # nibabel raises whatever its parser meets
+        raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
+    steps = affine[:, :3]
+    squares = steps.T @ steps
+    sizes = np.sqrt(np.diag(squares))
+    if not (sizes.min() > 0.0 and (np.abs(squares - np.diag(sizes**2)) <= 1e-4 * np.outer(sizes, sizes)).all()):
         raise VisceraError(
-            f"{name}: its voxels are sheared, which the images that are deformed here cannot be; resample it to a "
-            "grid with right angles"
+            f"{name}: its voxels are sheared or flat, which those of an image that is deformed here cannot be; "
+            "resample it to a grid with right angles"
         )
-    sign = AXES["RAS"]
-    image.SetSpacing(spacing.tolist())
-    image.SetOrigin((sign * origin).tolist())
-    image.SetDirection((sign[:, None] * direction).ravel().tolist())
+    return affine
 
 
 def write(path: str | os.PathLike[str], image: Any) -> None:

@@ -21,6 +21,7 @@ from viscera.errors import VisceraError
 from viscera.imagefile import FORMATS, ending_of, read_image, read_segmentation, write_labels
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Edges, Progress, Region, mesh_regions
+from viscera.naming import told_apart
 from viscera.quantity import Choice, Number, Whole, numbers_of, path_of, refused
 from viscera.select import length
 
@@ -156,10 +157,10 @@ class Scan:
         return regions
 
     def _named(self, numbers: Sequence[int]) -> dict[str, int]:
-        """Labels by name; those of one name are told apart by their numbers."""
+        """Labels by name, each once; those of one name are told apart by their numbers."""
+        numbers = list(dict.fromkeys(numbers))
         names = [(self.names or {}).get(number, f"label_{number}") for number in numbers]
-        pairs = zip(names, numbers, strict=True)
-        return {name if names.count(name) == 1 else f"{name} ({number})": number for name, number in pairs}
+        return dict(zip(told_apart(names, numbers), numbers, strict=True))
 
     def _region(self, name: Any, numbers: Any) -> Region:
         if not isinstance(name, str) or not name:
@@ -174,7 +175,7 @@ class Scan:
 
     def _number(self, label: Any) -> int:
         if isinstance(label, str) and not label.lstrip("-").isdigit():
-            found = [number for number, name in (self.names or {}).items() if name == label]
+            found = [n for n, name in (self.names or {}).items() if name == label and n in self.labels]
             if not found:
                 raise VisceraError(f"the image has no label {label!r}; it has {self._listing()}")
             if len(found) > 1:

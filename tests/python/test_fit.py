@@ -134,6 +134,7 @@ def test_what_cannot_be_fitted_is_said() -> None:
         "1 positive numbers, one for each test": lambda: vs.fit(vs.Yeoh, line, weights=[1.0, 2.0]),
         "weights must be": lambda: vs.fit(vs.Yeoh, line, weights="a"),  # type: ignore[arg-type]
         "Poisson's ratio is a": lambda: vs.fit(vs.Yeoh, line, poisson="a"),  # type: ignore[arg-type]
+        "the tests must be a MaterialTest": lambda: vs.fit(vs.Yeoh, 3),  # type: ignore[arg-type]
         "1 to 3 terms, got 2.0": lambda: vs.fit(vs.Ogden, line, terms=2.0),  # type: ignore[arg-type]
         "stretches are lengths over rest lengths": lambda: vs.MaterialTest("uniaxial", [0.0, 0.1], [0, 1]),
         "2 stretches but 3 stresses": lambda: vs.MaterialTest("uniaxial", [1, 2], [0, 1, 2]),
@@ -220,6 +221,23 @@ def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
     assert main(["fit", *map(str, paths), "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]) == 0
     (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
     assert list(found["errors"]) == list(map(str, paths))
+
+
+def test_tests_of_one_name_have_errors_of_their_own() -> None:
+    stretch = np.linspace(1.05, 1.5, 8)
+    tests = [vs.MaterialTest("uniaxial", stretch, mu * (stretch - stretch**-2)) for mu in (900.0, 1000.0, 1400.0)]
+    found = vs.fit("NeoHookean", tests, weights=[1.0, 1.0, 1e-9])
+    errors = found.errors()
+    assert list(errors) == ["test (1)", "test (2)", "test (3)"]
+    assert errors["test (3)"] > 3.0 * errors["test (1)"]
+    assert vs.fit("Yeoh", tests, terms=np.int64(2)).parameters.keys() == {"c10", "c20"}
+
+
+def test_a_part_without_points_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_curve(tmp_path / "a.csv", "displacement,force", np.linspace(1.0, 2.0, 5), np.linspace(1.0, 2.0, 5))
+    words = [str(tmp_path / "a.csv"), "--length", "30 mm", "--diameter", "50 mm", "--up-to", "0.01"]
+    assert main(["fit", *words]) == 2
+    assert "at least two points, got 0" in capsys.readouterr().err
 
 
 def test_the_verb_ranks_the_laws_that_a_short_test_determines(

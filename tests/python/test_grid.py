@@ -236,7 +236,15 @@ def test_a_mesh_that_states_its_axes_is_placed_by_them(
     written = sitk.GetArrayFromImage(sitk.ReadImage(str(tmp_path / "field.nrrd"))).transpose(2, 1, 0, 3)
     assert np.allclose(written, 1e3 * known.displacement, atol=1e-3)
     assert main([*line, "--axes", "RAS", "-o", str(tmp_path / "moved.nrrd")]) == 2
-    assert "comes from a scan in LPS" in capsys.readouterr().err
+    told = capsys.readouterr()
+    assert "comes from a scan in LPS" in told.err
+    assert "does not state its axes" not in told.out
+    state.write(tmp_path / "state.vtk")
+    line[3] = str(tmp_path / "state.vtk")
+    assert main([*line, "--axes", "LPS", "-o", str(tmp_path / "moved.nrrd")]) == 0
+    assert "does not state its axes" not in capsys.readouterr().out
+    main([*line, "-o", str(tmp_path / "moved.nrrd")])
+    assert "state.vtk does not state its axes; taken as RAS, see --axes" in capsys.readouterr().out
 
 
 def test_a_nifti_with_two_places_is_where_the_scan_is(tmp_path: Path) -> None:
@@ -259,5 +267,11 @@ def test_a_nifti_with_two_places_is_where_the_scan_is(tmp_path: Path) -> None:
     sheared[0, 1] += 0.5
     image.set_sform(sheared, 2)
     nibabel.save(image, tmp_path / "sheared.nii")
-    with pytest.raises(vs.VisceraError, match="sheared"):
-        grid.read(tmp_path / "sheared.nii")
+    image.set_qform(None, 0)
+    nibabel.save(image, tmp_path / "alone.nii")
+    for name in ("sheared", "alone"):
+        with pytest.raises(vs.VisceraError, match=f"{name}.nii: its voxels are sheared"):
+            grid.read(tmp_path / f"{name}.nii")
+    (tmp_path / "damaged.nii").write_bytes(b"no image" * 100)
+    with pytest.raises(vs.VisceraError, match=r"damaged.nii: not a readable image"):
+        grid.read(tmp_path / "damaged.nii")

@@ -236,6 +236,12 @@ def test_labels_of_one_name_are_parts_of_their_own() -> None:
     with pytest.raises(vs.VisceraError, match="the labels 1, 2 have the name 'lesion'"):
         scan.mesh("lesion", edge="10 mm")
     assert sorted(scan.mesh(2, edge="10 mm").cell_sets) == ["lesion"]
+    assert [region.name for region in scan.regions([2, 2])] == ["lesion"]
+    values = labels.copy()
+    values[10:13, 4:12, 4:12] = 3
+    named = vs.Scan(values, scan.affine, names={1: "lesion", 2: "lesion", 3: "lesion (1)", 9: "lesion (1)"})
+    assert [r.numbers for r in named.regions([1, 2, 3])] == [(1,), (2,), (3,)], "a name that looks numbered drops none"
+    assert [r.numbers for r in named.regions("lesion (1)")] == [(3,)], "no voxel has the other label of this name"
 
 
 def test_a_label_within_a_part_of_several_fixes_no_nodes() -> None:

@@ -144,7 +144,7 @@ def _test(path: Path, name: str, args: argparse.Namespace) -> MaterialTest:
         -values if args.compression or column in DOWNWARD else values
         for values, column in ((moved, displacement), (pulled, force))
     )
-    if np.mean(np.sign(moved) * np.sign(pulled)) < 0.0:
+    if np.sum(np.sign(moved) * np.sign(pulled)) < 0.0:
         raise VisceraError(
             f"{path}: {displacement} and {force} mostly point in opposite directions; columns `compression` and `load` "
             "count positive in compression, `displacement` and `force` in tension, and --compression turns both"

@@ -60,6 +60,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     places = grid.Grid.of(image, grid.axes_of(mesh, args.axes))
     forward, inverse = (grid.on_grid(mesh, displacement, places, inverse=inverse) for inverse in (False, True))
     facts: dict[str, Any] = {"voxels": int(forward.inside.sum()), "voxels_moved": int(inverse.inside.sum())}
+    if not (mesh.axes or args.axes):
+        output.say(f"  note          {args.state} does not state its axes; taken as {places.axes}, see --axes")
     output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
     if args.output is not None:
         interpolation = args.interpolation or ("nearest" if _is_label_map(image) else "linear")

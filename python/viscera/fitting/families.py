@@ -76,9 +76,10 @@ def family(law: type[Law] | str, terms: int | None = None) -> Family:
     if name not in FAMILIES:
         raise VisceraError(f"no law {name!r} to fit; {did_you_mean(name, FAMILIES)}")
     largest, default, build = FAMILIES[name]
+    is_whole = isinstance(terms, int | np.integer) and not isinstance(terms, bool)
     if terms is not None and largest == 1 and terms != 1:
         raise VisceraError(f"{name} has no terms to choose; leave terms={terms} out")
-    if terms is not None and (type(terms) is not int or terms not in range(1, largest + 1)):
+    if terms is not None and (not is_whole or terms not in range(1, largest + 1)):
         raise VisceraError(f"{name} has 1 to {largest} terms, got {terms}")
     return build(terms or default)
 

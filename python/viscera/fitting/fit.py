@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from viscera.fitting.problem import Problem
 from viscera.fitting.specimen import SpecimenProblem, SpecimenTest
 from viscera.law import Law
 from viscera.mesh import Floats
+from viscera.naming import told_apart
 from viscera.quantity import numbers_of, refused
 
 if TYPE_CHECKING:
@@ -67,15 +68,16 @@ class Fit:
         return all(self.stable[mode] == _range(self.tests, mode) for mode in self.stable)
 
     def errors(self) -> dict[str, float]:
-        """Root-mean-square error of each test by its name [Pa].
+        """Root-mean-square error of each test by its name [Pa]; tests of one name have their number behind it, from 1.
 
         >>> import viscera as vs
         >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
         >>> f"{vs.fit(vs.NeoHookean, [test]).errors()['cylinder']:.0f} Pa"
         '13 Pa'
         """
-        pairs = zip(self.tests, self.stresses, strict=True)
-        return {test.name: float(np.sqrt(np.mean((stress - test.stress) ** 2))) for test, stress in pairs}
+        names = told_apart([test.name for test in self.tests], range(1, len(self.tests) + 1))
+        rows = zip(names, self.tests, self.stresses, strict=True)
+        return {name: float(np.sqrt(np.mean((stress - test.stress) ** 2))) for name, test, stress in rows}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """The measured points and the law's curve, a panel for each deformation. `path`: write a PNG file there.
@@ -138,6 +140,8 @@ def fit(
 
 
 def _checked(tests: MaterialTest | Sequence[MaterialTest]) -> tuple[MaterialTest, ...]:
+    if not isinstance(tests, MaterialTest | Iterable):
+        raise refused("the tests", "a MaterialTest, or several", tests)
     curves = (tests,) if isinstance(tests, MaterialTest) else tuple(tests)
     if not curves:
         raise VisceraError("there is no test to fit to")
