@@ -22,10 +22,10 @@ pub struct Labels<'a> {
 const BY_VOXEL: f64 = 0.8;
 const BY_EDGE: f64 = 0.25;
 const COARSEST: f64 = 0.5;
-/// Where some owners without bias meet, each has an equal share of 1 as its score. A bias of more than that would win
-/// there, however far its label is: what it has above that, less a margin, fades where its label's indicator is below
-/// [`FADING`]. Of owners three meet along lines. More meet at points, where pieces are crumbs, which others get.
-const MEETING: usize = 3;
+/// Where some owners without bias meet, each has an equal share of 1 as its score. A larger bias would win there, however
+/// far its label is: what it has above that, less a margin, fades where its label's indicator is below [`FADING`]. Three
+/// owners meet along lines, four at points, or along a line where planes divide an organ. More are rare.
+const MEETING: usize = 4;
 const MARGIN: f64 = 0.02;
 const FADING: f64 = 0.1;
 /// With this bias a label owns all that is near it.
