@@ -10,6 +10,7 @@ mod constraint;
 mod cut;
 mod field;
 mod improve;
+mod indicators;
 mod lattice;
 mod parts;
 pub mod quality;
