@@ -337,12 +337,14 @@ def write(path: str | os.PathLike[str], image: Any) -> None:
     name = str(path_of(path, "the file to write"))
     ending = _ending(name)
     with replacing(name) as scratch:
-        whole = scratch.with_name(scratch.name + ending)
+        # A scratch file keeps only the last ending. It stands once alone: ITK makes one `.nii` of two.
+        whole = scratch.with_name(scratch.stem + ending)
         try:
             sitk().WriteImage(image, os.fspath(whole), useCompression=True)
             os.replace(whole, scratch)
-        finally:
+        except BaseException:
             whole.unlink(missing_ok=True)
+            raise
 
 
 def checked(path: str | os.PathLike[str]) -> Path:

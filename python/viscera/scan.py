@@ -7,7 +7,7 @@ a mesh has the axes of its scan, in metres.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,15 +19,18 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.imagefile import FORMATS, ending_of, read_image, read_segmentation, write_labels
+from viscera.labelmap import affine_of, labels_of, several, texts
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Edges, Progress, Region, mesh_regions
 from viscera.naming import told_apart
-from viscera.quantity import Choice, Number, Whole, numbers_of, path_of, refused
+from viscera.quantity import Choice, Number, Whole, path_of, refused
 from viscera.select import length
 
 AXES = ("RAS", "LPS")
 NEAR = 0.75
 """A node at most this many voxels from a label touches it, since smoothing moves boundaries by fractions of a voxel."""
+FEW = 0.1
+"""Up to this share a label is no part of a mesh that covers it: holes and steps of a few voxels are not resolved."""
 LISTED = 12
 """Largest number of labels that an error lists."""
 MOST_VOXELS = 1e9
@@ -59,8 +62,8 @@ class Scan:
     def __post_init__(self) -> None:
         """Check what a file or a caller gives."""
         Choice(AXES)(self.axes, "axes")
-        object.__setattr__(self, "values", _labels_of(np.asarray(self.values)))
-        object.__setattr__(self, "affine", _affine_of(self.affine))
+        object.__setattr__(self, "values", labels_of(self.values))
+        object.__setattr__(self, "affine", affine_of(self.affine))
         if self.names is not None and not isinstance(self.names, Mapping):
             raise refused("the names of labels", "a mapping from labels to names, such as {1: 'liver'}", self.names)
 
@@ -111,7 +114,7 @@ class Scan:
         (['left', 'right'], ['fixed'])
         """
         regions = self.regions(labels)
-        supports = _texts(fixed)
+        supports = texts(fixed)
         places = [self._place(where, regions) for where in supports]
         found = mesh_regions(self.values, self.affine, regions, edge, axes=self.axes, progress=progress)
         if not places:
@@ -145,7 +148,7 @@ class Scan:
         if isinstance(labels, Mapping):
             named: Mapping[Any, Any] = labels
         else:
-            named = self._named([self._number(label) for label in _several(labels, "labels")])
+            named = self._named([self._number(label) for label in several(labels, "labels")])
         if not named:
             raise VisceraError(f"name the labels to mesh; the image has {self._listing()}")
         regions = [self._region(name, numbers) for name, numbers in named.items()]
@@ -165,7 +168,7 @@ class Scan:
     def _region(self, name: Any, numbers: Any) -> Region:
         if not isinstance(name, str) or not name:
             raise refused("the name of a part", "a text that is not empty", name)
-        found = tuple(self._number(number) for number in _several(numbers, f"part {name!r}"))
+        found = tuple(self._number(number) for number in several(numbers, f"part {name!r}"))
         if not found:
             raise VisceraError(f"part {name!r} has no label; give one or several of {self._listing()}")
         twice = next((number for number in found if found.count(number) > 1), None)
@@ -203,10 +206,7 @@ class Scan:
             if part is None:
                 return lambda mesh: self._beside(mesh, number)
             if len(part.numbers) > 1:
-                raise VisceraError(
-                    f"fixed {where!r}: label {number} is meshed as a part of {part.name!r}, whose nodes do not tell "
-                    "its labels apart; mesh it as a part of its own"
-                )
+                raise VisceraError(f"fixed {where!r}: {_within(number, part.name)}")
             return lambda mesh: _shared(mesh, mesh.cell_sets[part.name])
         path, _, label = where.rpartition(":") if where.rpartition(":")[2].isdigit() else (where, "", "")
         if not path.lower().endswith(FORMATS):
@@ -223,6 +223,8 @@ class Scan:
         """Nodes where a mesh of this scan touches a label: those shared with the label's cells if these are meshed,
         otherwise those of the surface at most 0.75 voxels from the label's voxels.
 
+        Raises `VisceraError` if the label is meshed as a part of several, since nodes do not tell its labels apart.
+
         >>> import numpy as np
         >>> import viscera as vs
         >>> labels = np.zeros((20, 20, 20), dtype=int)
@@ -233,11 +235,21 @@ class Scan:
         >>> len(scan.touching(mesh, 2)) > 0
         True
         """
-        is_theirs = self.at(mesh.centroids) == label
-        for cells in mesh.cell_sets.values():
-            if is_theirs[cells].mean() > 0.5:
+        for name, cells in mesh.cell_sets.items():
+            held = self._held(mesh, cells)
+            if label in held:
+                if any(share > FEW for other, share in held.items() if other != label):
+                    raise VisceraError(_within(label, name))
                 return _shared(mesh, cells)
         return self._beside(mesh, label)
+
+    def _held(self, mesh: Mesh, cells: Indices) -> dict[int, float]:
+        """Labels that some cells cover by more than half, each with its share of these cells' volume."""
+        volumes = np.asarray(mesh.facts["cell_volumes"])[cells]
+        voxel = abs(np.linalg.det(self.affine[:, :3]))
+        own, index = np.unique(self.at(mesh.centroids[cells]), return_inverse=True)
+        held = zip(own.tolist(), np.bincount(index, volumes).tolist(), strict=True)
+        return {n: v / float(volumes.sum()) for n, v in held if n and v > 0.5 * self.labels[n] * voxel}
 
     def _beside(self, mesh: Mesh, label: int) -> Indices:
         """Nodes of the surface next to a label that is not meshed."""
@@ -393,52 +405,14 @@ def scan(path: str | os.PathLike[str]) -> Scan:
         raise VisceraError(f"{source}: {error}") from None
 
 
-def _affine_of(given: Any) -> Floats:
-    affine = numbers_of(given)
-    if affine is None or affine.ndim != 2:
-        raise refused("the affine map", "an array (3, 4) or (4, 4)", given)
-    affine = affine[:3]
-    if affine.shape != (3, 4) or not np.isfinite(affine).all() or not _is_invertible(affine[:, :3]):
-        raise VisceraError(f"the affine map {affine.tolist()} places no voxels; it must be (3, 4), and invertible")
-    return affine
-
-
-def _is_invertible(matrix: Floats) -> bool:
-    """Whatever the size of the voxels."""
-    return bool(abs(np.linalg.det(matrix)) > 1e-9 * np.linalg.norm(matrix, axis=0).prod())
+def _within(label: int, part: str) -> str:
+    return (
+        f"label {label} is meshed as a part of {part!r}, whose nodes do not tell its labels apart; mesh it as a part "
+        "of its own"
+    )
 
 
 def _shared(mesh: Mesh, cells: Indices) -> Indices:
     """Nodes of some cells that others have too."""
     others = np.delete(mesh.cells, cells, axis=0)
     return np.intersect1d(mesh.cells[cells], others).astype(np.uint32)
-
-
-def _labels_of(values: NDArray[Any]) -> NDArray[np.uint16]:
-    if values.ndim != 3 or values.size == 0:
-        raise VisceraError(f"a label map has three dimensions, not the shape {values.shape}")
-    if values.dtype.kind not in "biuf":
-        raise VisceraError(f"a label map holds whole numbers, not {values.dtype}")
-    if values.dtype.kind == "f":
-        wrong = values[~(values == np.rint(values))]
-        if wrong.size:
-            raise VisceraError(f"it holds {wrong.flat[0]:.6g}, which is no label; give a segmentation, not the scan")
-    if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 65535):
-        raise VisceraError(f"its values go from {values.min()} to {values.max()}; labels are 0 to 65535")
-    return np.ascontiguousarray(values.astype(np.uint16))
-
-
-def _several(numbers: Any, what: str) -> list[Any]:
-    given = numbers.tolist() if isinstance(numbers, np.ndarray) else numbers
-    if isinstance(given, int | str | np.integer):
-        return [given]
-    if isinstance(given, bytes) or not isinstance(given, Iterable):
-        raise refused(what, "a label's number, or several", numbers)
-    return list(given)
-
-
-def _texts(places: Any) -> list[str]:
-    found = [places] if isinstance(places, str) or not isinstance(places, Iterable) else list(places)
-    if not all(isinstance(place, str) for place in found):
-        raise refused("fixed", "one place or several in words, such as 'z > 90%' or 'label:63'", places)
-    return found

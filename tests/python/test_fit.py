@@ -139,6 +139,18 @@ def test_what_cannot_be_fitted_is_said() -> None:
         "stretches are lengths over rest lengths": lambda: vs.MaterialTest("uniaxial", [0.0, 0.1], [0, 1]),
         "2 stretches but 3 stresses": lambda: vs.MaterialTest("uniaxial", [1, 2], [0, 1, 2]),
         "no deformation is called 'biaxial'": lambda: vs.MaterialTest("biaxial", [1, 2], [0, 1]),
+        "no deformation is called \\['uniaxial'\\]": lambda: vs.MaterialTest(
+            ["uniaxial"],  # type: ignore[arg-type]
+            [1, 2],
+            [0, 1],
+        ),
+        "the specimen's length is 30 mm": lambda: vs.MaterialTest.from_force(
+            "uniaxial",
+            [0, 1],
+            [0, 1],
+            length="30 mm",  # type: ignore[arg-type]
+            area=1,
+        ),
         "the specimen's area is -1": lambda: vs.MaterialTest.from_force("uniaxial", [0, 1], [0, 1], length=1, area=-1),
     }
     for words, call in cases.items():
@@ -270,7 +282,8 @@ def test_the_verb_says_that_no_law_follows_a_test(tmp_path: Path, capsys: pytest
         ("stretch,strain", "no column 'stress'"),
         ("displacement_mm,force_N", "need the specimen's --length"),
         ("stretch,stress_psi", "'psi'"),
-        ("a,b", "Give stretch and stress, or displacement and force"),
+        ("a,b", "no column 'displacement'; it has a, b. Give stretch and stress, or displacement and force"),
+        ("compression,a", "no column 'force'; it has compression, a"),
     ],
 )
 def test_the_verb_says_what_a_file_lacks(

@@ -48,6 +48,21 @@ def after(x: Floats) -> Floats:
     return np.asarray(x + x @ GRADIENT.T + [0.01, 0.0, -0.005])
 
 
+@pytest.mark.parametrize("ending", [".nii.gz", ".nii", ".NII", ".nrrd", ".mha"])
+def test_an_image_is_written_under_its_own_name_alone(tmp_path: Path, ending: str) -> None:
+    grid.write(tmp_path / f"image{ending}", scan())
+    assert [path.name for path in tmp_path.iterdir()] == [f"image{ending}"]
+    again = grid.read(tmp_path / f"image{ending}")
+    assert again.GetSize() == scan().GetSize()
+    assert np.allclose(again.GetOrigin(), scan().GetOrigin(), atol=1e-3)
+
+
+def test_an_image_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError):
+        grid.write(tmp_path / "image.nii", sitk.Image([4, 4, 4], sitk.sitkComplexFloat32, 2))
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
 @pytest.mark.parametrize("axes", ["RAS", "LPS"])
 @pytest.mark.parametrize("element", ["P1", "P2"])

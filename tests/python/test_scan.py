@@ -259,6 +259,22 @@ def test_a_label_within_a_part_of_several_fixes_no_nodes() -> None:
     assert (beside.points[beside.sets["fixed"], 0] > 0.004 * 10).all()
 
 
+def test_a_label_within_a_part_of_several_is_not_said_to_be_touched() -> None:
+    """Whether it is most of the part or little of it; a hole of a few voxels makes no part of several labels."""
+    labels = np.zeros((24, 16, 16), dtype=int)
+    labels[3:12, 4:12, 4:12], labels[12:16, 4:12, 4:12], labels[16:21, 4:12, 4:12] = 1, 2, 3
+    labels[7, 8, 8] = 4
+    scan = vs.Scan(labels, 0.004 * np.eye(3, 4))
+    mesh = scan.mesh({"liver": 1, "kidneys": [2, 3]}, edge="10 mm")
+    for label in (2, 3):
+        with pytest.raises(vs.VisceraError, match=f"label {label} is meshed as a part of 'kidneys'"):
+            scan.touching(mesh, label)
+    border = np.intersect1d(mesh.cells[mesh.cell_sets["liver"]], mesh.cells[mesh.cell_sets["kidneys"]])
+    assert np.array_equal(scan.touching(mesh, 1), border)
+    alone = scan.mesh({"liver": 1}, edge="10 mm")
+    assert np.array_equal(scan.touching(alone, 2), scan.mesh({"liver": 1}, edge="10 mm", fixed="label:2").sets["fixed"])
+
+
 def test_fibres_are_told_around_voxels_that_are_not_numbers() -> None:
     ball = vs.Scan(np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) < 9.0, 0.003 * np.eye(3, 4))
     mesh = ball.mesh(edge="9 mm")
@@ -293,6 +309,7 @@ def test_a_scan_of_a_mesh_has_all_its_cells() -> None:
         ({"affine": "x"}, "the affine map must be an array"),
         ({"affine": 3}, "the affine map must be an array"),
         ({"affine": np.zeros((3, 4))}, "places no voxels"),
+        ({"values": [[[1], [1, 2]]]}, "the values of a label map must be an array"),
         ({"names": ["liver"]}, "the names of labels must be a mapping"),
     ],
 )

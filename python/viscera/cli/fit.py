@@ -131,8 +131,7 @@ def _test(path: Path, name: str, args: argparse.Namespace) -> MaterialTest:
     if _find(columns, "stretch"):
         stretch, stress = _column(path, columns, "stretch"), _column(path, columns, "stress")
         return MaterialTest(args.mode, *_up_to(args.up_to, stretch, stress, MODES[args.mode].at_rest, 1.0), name)
-    displacement = "displacement" if _find(columns, "displacement") else "compression"
-    force = "force" if _find(columns, "force") else "load"
+    displacement, force = _first(columns, "displacement", "compression"), _first(columns, "force", "load")
     moved, pulled = _column(path, columns, displacement), _column(path, columns, force)
     area = math.pi * args.diameter**2 / 4.0 if args.diameter is not None else args.area
     if args.length is None or area is None or (args.diameter is not None and args.area is not None):
@@ -170,6 +169,11 @@ def _up_to(
 
 def _find(columns: dict[str, Floats], name: str) -> list[str]:
     return [column for column in columns if column.lower().partition("_")[0] == name]
+
+
+def _first(columns: dict[str, Floats], *names: str) -> str:
+    """The first of the names that a column has; if none has one, the first, which is then missed in words."""
+    return next((name for name in names if _find(columns, name)), names[0])
 
 
 def _column(path: Path, columns: dict[str, Floats], name: str) -> Floats:

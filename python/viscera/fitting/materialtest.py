@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,8 +40,8 @@ class MaterialTest:
     name: str
 
     def __init__(self, mode: str, stretch: ArrayLike, stress: ArrayLike, name: str = "test") -> None:
-        if mode not in MODES:
-            raise VisceraError(f"{name}: no deformation is called {mode!r}; {did_you_mean(mode, MODES)}")
+        if not isinstance(mode, str) or mode not in MODES:
+            raise VisceraError(f"{name}: no deformation is called {mode!r}; {did_you_mean(str(mode), MODES)}")
         values = {"mode": mode, "name": name}
         curves = {"stretch": _curve(name, "stretch", stretch), "stress": _curve(name, "stress", stress)}
         for what, value in {**values, **curves}.items():
@@ -80,7 +81,7 @@ class MaterialTest:
         MaterialTest('test': uniaxial, 3 points, stretch 0.8 to 1)
         """
         for what, value in (("length", length), ("area", area)):
-            if isinstance(value, bool) or not np.isfinite(value) or not value > 0.0:
+            if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < value < float("inf"):
                 raise VisceraError(f"{name}: the specimen's {what} is {value}; it must be positive")
         sign = -1.0 if compression else 1.0
         strain = sign * _curve(name, "displacement", displacement) / length
