@@ -46,20 +46,33 @@ pub fn depth(shape: &Shape, spine: &[[f64; 3]]) -> f64 {
 
 /// Whether a body displaced by `u` holds one of the points, in the straight cells between its corners.
 pub fn holds(body: &Body, u: &[f64], points: &[[f64; 3]]) -> bool {
-    if points.is_empty() {
-        return false;
-    }
-    let [low, high] = bounds(points);
+    first_held(body, u, &[points]).is_some()
+}
+
+/// The first of some sets of points of which a body displaced by `u` holds one, see [`holds`].
+pub fn first_held<P: AsRef<[[f64; 3]]>>(body: &Body, u: &[f64], sets: &[P]) -> Option<usize> {
+    let sets: Vec<_> = sets.iter().map(AsRef::as_ref).filter(|points| !points.is_empty()).collect();
+    let around: Vec<_> = sets.iter().map(|points| bounds(points)).collect();
+    let [low, high] = bounds(&around.concat());
     let place = |node: u32| {
         let node = node as usize;
         std::array::from_fn::<f64, 3, _>(|i| body.points()[node][i] + u[3 * node + i])
     };
-    body.cells().iter().any(|cell| {
+    let mut first = sets.len();
+    for cell in body.cells() {
         let corners = cell.map(place);
         let [from, to] = bounds(&corners);
-        (0..3).all(|i| from[i] <= high[i] && to[i] >= low[i])
-            && points.iter().any(|x| is_between(&corners, *x))
-    })
+        let meets =
+            |low: &[f64; 3], high: &[f64; 3]| (0..3).all(|i| from[i] <= high[i] && to[i] >= low[i]);
+        if first > 0 && meets(&low, &high) {
+            let is_in = |number: &usize| {
+                let [low, high] = &around[*number];
+                meets(low, high) && sets[*number].iter().any(|x| is_between(&corners, *x))
+            };
+            first = (0..first).find(is_in).unwrap_or(first);
+        }
+    }
+    (first < sets.len()).then_some(first)
 }
 
 /// Whether a point is on the inner side of all four faces of a cell, or on one.

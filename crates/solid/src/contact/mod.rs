@@ -123,12 +123,24 @@ impl Contact {
     }
 
     /// Looks for tools that are inside the body although its samples do not touch them; the number of the first, and
-    /// what it is.
+    /// what it is. Those that [sweep](Contact::find_sweep) count as well, until the next step.
     pub fn find_entry(&mut self, body: &Body, u: &[f64]) -> Option<(usize, &'static str)> {
-        self.each(|held| held.is_inside = held.enters(body, u));
+        self.each(|held| held.is_inside = held.is_swept || held.enters(body, u));
         let entered = |held: &Option<ActiveTool>| held.as_ref().is_some_and(|held| held.is_inside);
         let number = self.tools.iter().position(entered)?;
         Some((number, self.tools[number].as_ref()?.tool.shape.name()))
+    }
+
+    /// Looks for tools that have moved so far into a body displaced by `u`, or through it, that it cannot give way.
+    pub fn find_sweep(&mut self, body: &Body, u: &[f64]) {
+        self.each(|held| held.is_swept = held.sweeps(body, u));
+    }
+
+    /// The part of the load, at most `to`, up to which tools move on from `from` without passing through a surface displaced
+    /// by `u` before it can give way.
+    pub fn reaches(&self, body: &Body, u: &[f64], from: f64, to: f64) -> f64 {
+        let tools = self.tools.iter().flatten();
+        tools.map(|held| held.reaches(body, u, from, to)).fold(to, f64::min)
     }
 
     /// Removes a tool.

@@ -3,18 +3,18 @@
 mod assembly;
 mod near;
 mod steps;
+mod sweep;
 mod touching;
 
 pub(super) use touching::Touching;
 
 use super::distance::Distance;
-use super::entry::{depth, holds, spine};
+use super::entry::{depth, spine};
 use super::friction::Friction;
 use super::layer::STIFFNESS;
 use super::pose::Pose;
 use super::samples::Samples;
 use super::shape::Shape;
-use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;
@@ -104,6 +104,8 @@ pub(super) struct ActiveTool {
     spine: Vec<[f64; 3]>,
     /// See [`depth`].
     depth: f64,
+    /// See [`ActiveTool::sweeps`]; of the last step.
+    pub is_swept: bool,
     /// Whether it was inside the body when that was last asked.
     pub is_inside: bool,
 }
@@ -150,6 +152,7 @@ impl ActiveTool {
             depth: depth(&tool.shape, &spine),
             spine,
             is_inside: false,
+            is_swept: false,
             tool,
             slides: vec![[0.0; 3]; anchors.len()],
             pressures: vec![[0.0; 2]; anchors.len()],
@@ -169,12 +172,6 @@ impl ActiveTool {
     /// Smallest gap found last [m].
     pub fn gap(&self) -> f64 {
         self.gap
-    }
-
-    /// Whether it is inside the body, although no sample of the surface need touch it.
-    pub fn enters(&self, body: &Body, u: &[f64]) -> bool {
-        let points: Vec<_> = self.spine.iter().map(|x| self.pose.outward(*x)).collect();
-        holds(body, u, &points)
     }
 
     /// A step begins at `u`: samples on a sharp edge choose the sides that the tool meets.

@@ -132,7 +132,7 @@ impl Newton {
         let (mut step, mut last_cut) = (1.0 / self.steps.max(1) as f64, None);
         while run.load < 1.0 {
             let target = if run.load + 1.001 * step >= 1.0 { 1.0 } else { run.load + step };
-            match run.advance(target) {
+            match run.advance(run.reaches(target)) {
                 Ok(iterations) => {
                     if iterations <= 6 {
                         step = (2.0 * step).min(1.0 / self.steps.max(1) as f64);

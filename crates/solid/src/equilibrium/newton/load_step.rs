@@ -55,6 +55,11 @@ struct LoadStep<'r, 'a> {
 }
 
 impl<'a> Run<'a> {
+    /// The load, at most `target`, that tools reach in one step.
+    pub(super) fn reaches(&self, target: f64) -> f64 {
+        self.contact.reaches(self.body(), &self.u, self.load, target)
+    }
+
     /// Newton iterations to the equilibrium at `load`, or before it where a prediction does not hold so far; on success it
     /// becomes the state.
     pub(super) fn advance(&mut self, load: f64) -> Result<usize, Cut> {

@@ -319,6 +319,7 @@ impl Stepper {
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
         self.contact.begin(&self.displacement);
+        self.contact.find_sweep(body, &self.displacement);
         self.follows_friction = true;
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
         let hands = self.places_of_hands(input);
