@@ -113,6 +113,11 @@ impl Rounding {
         Rounding { force, energy: Self::OF_ENERGY * body.energy_scale() }
     }
 
+    /// That of a region which has this part of the body's forces and energy.
+    pub fn part(&self, part: f64) -> Self {
+        Rounding { force: part * self.force, energy: part * self.energy }
+    }
+
     /// A residual relative to the norm of the loads; it is within `tolerance` if it is rounding.
     pub fn relative(&self, residual: f64, loads: f64, tolerance: f64) -> f64 {
         let scale = loads.max(self.force / tolerance);

@@ -226,7 +226,7 @@ fn check_patch(k: usize, load: &PatchLoad, points: usize) -> Result<(), Error> {
 }
 
 /// Label of the connected part of each node.
-fn part_of_nodes(body: &Body) -> Vec<u32> {
+pub(super) fn part_of_nodes(body: &Body) -> Vec<u32> {
     let n = body.points().len();
     let mut parent: Vec<u32> = (0..n as u32).collect();
     fn root(parent: &mut [u32], mut node: u32) -> u32 {

@@ -1,6 +1,7 @@
 //! The residual before a step, with the motion of the hands and inertia, and after it.
 
 use super::pressed::Linearization;
+use super::regions::magnitude;
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
 
@@ -91,11 +92,13 @@ impl Stepper {
         }
     }
 
-    /// What is out of balance where the body is, in `residual`, and its size relative to all nodal forces; with what the
-    /// tools feel, and the motion that a frame would end with.
+    /// What is out of balance where the body is, in `residual`, and its size relative to the nodal forces of its
+    /// [region](super::regions::Regions); with what the tools feel, and the motion that a frame would end with.
     pub(super) fn measure(&mut self, body: &Body, is_cut: bool) -> f64 {
         self.press(body, Linearization::Here);
-        let mut scale = square(&self.internal).max(square(&self.external));
+        let mut scale = Vec::new();
+        self.regions.raise(&mut scale, &self.internal);
+        self.regions.raise(&mut scale, &self.external);
         self.inertia.fill(0.0);
         if let Some(motion) = &mut self.motion {
             let (u, start, solver) = (&self.displacement, &self.start, &self.solver);
@@ -106,7 +109,7 @@ impl Stepper {
             }
             let (velocity, acceleration) = (&motion.trial_velocity, &motion.trial_acceleration);
             motion.mass.add_product(1.0, acceleration, &mut self.inertia);
-            scale = scale.max(square(&self.inertia));
+            self.regions.raise(&mut scale, &self.inertia);
             let [alpha, beta] = motion.damping;
             motion.mass.add_product(alpha, velocity, &mut self.inertia);
             if beta > 0.0 {
@@ -124,8 +127,11 @@ impl Stepper {
         }
         self.forces = self.solver.patch_forces(&self.residual);
         self.solver.project(&mut self.residual);
-        self.magnitude = scale.sqrt();
-        self.rounding.relative(square(&self.residual).sqrt(), self.magnitude, ROUNDED)
+        let relative = self.regions.relative(&self.residual, &scale, &self.rounding, ROUNDED);
+        let norm = square(&self.residual).sqrt();
+        let is_of_one = scale.len() == 1 || relative == 0.0;
+        self.magnitude = if is_of_one { magnitude(&scale) } else { norm / relative };
+        relative
     }
 
     /// Keeps what the step of a number has left out of balance, relative to all nodal forces.

@@ -14,6 +14,7 @@ mod frame;
 mod mass;
 mod motion;
 mod pressed;
+mod regions;
 mod relaxation;
 mod settings;
 mod step;
@@ -42,6 +43,7 @@ use extrapolation::Extrapolation;
 use frame::check_vector;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
+use regions::Regions;
 use relaxation::Relaxation;
 use std::sync::Arc;
 use std::time::Duration;
@@ -77,7 +79,9 @@ pub struct Stepper {
     /// The body with the pattern of the tangent, where that has become wider.
     widened: Option<Arc<Body>>,
     rounding: Rounding,
-    /// Norm of the nodal forces to which the last residual was compared [N].
+    regions: Regions,
+    /// Norm of the nodal forces to which the last residual was compared [N]; with several regions, that at which the worst
+    /// of them would have it.
     magnitude: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
@@ -192,6 +196,7 @@ impl Stepper {
             contact: Contact::new(body),
             widened: None,
             rounding: Rounding::of(body),
+            regions: Regions::of(body),
             magnitude: 0.0,
             length: diagonal(body.points()),
             barrier,

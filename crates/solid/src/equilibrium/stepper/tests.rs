@@ -5,6 +5,7 @@ mod extrapolation;
 mod inertia;
 mod memory;
 mod overload;
+mod regions;
 mod turn;
 
 use super::*;
