@@ -25,7 +25,9 @@ pub fn patch_mean(patch: &Patch, u: &[f64]) -> [f64; 3] {
     }
     mean
 }
-/// Part of a patch that must be independent of the others; with less, the forces of the patches become meaningless.
+/// Part of a patch that must be its own: two fingers in one place would have to tear the tissue between them apart.
+const OVERLAPPING: f64 = 0.2;
+/// Part of a turn that must be independent of the others; with less, forces and torques become meaningless.
 pub(super) const DEPENDENT: f64 = 1e-4;
 
 /// One static load case.
@@ -149,9 +151,9 @@ impl Problem<'_> {
                     row.iter_mut().zip(unit).for_each(|(x, u)| *x -= along * u);
                 }
                 let left = dot(&row, &row).sqrt();
-                if left <= DEPENDENT * size {
+                if left <= OVERLAPPING * size {
                     return Err(Error::input(format!(
-                        "the displacement of patch {k} follows from those of the patches before it; \
+                        "the displacement of patch {k} all but follows from those of the patches before it; \
                          leave it out, or move it apart from them"
                     )));
                 }
