@@ -160,7 +160,8 @@ impl Body {
         let mut newton = Newton { steps, method: solver.method()?, ..Newton::default() };
         choose(&Newton::SETTINGS, &mut newton, "Newton's method", &settings)?;
         problem.check_grasp().map_err(convert::error)?;
-        let mut contact = Contact::new(&self.body);
+        let fixed = self.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
+        let mut contact = Contact::new(&self.body).on_fixed(fixed);
         let rest = problem.start.clone().unwrap_or_else(|| vec![0.0; 3 * n]);
         for tool in &tools {
             contact.add(&self.body, contact::tool(tool), &rest).map_err(convert::error)?;

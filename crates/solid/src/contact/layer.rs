@@ -8,6 +8,9 @@ pub const STIFFNESS: f64 = 30.0;
 /// Half the width of the smooth beginning, over the depth at which the pressure is the plane strain modulus.
 const SMOOTH: f64 = 0.03;
 
+/// The width of the beginning on tissue that is held, over that elsewhere.
+const ABRUPT: f64 = 1e-6;
+
 /// The stiffer part of the layer: its stiffness over that of the other, the depths between which it is, and half the width
 /// of its beginning and of its end, over the same depth as [`SMOOTH`]. Up to a pressure of a fifth of the modulus it is not
 /// felt. It keeps out tools that press with several times the modulus, which linear stiffness would do at every pressure, at
@@ -23,18 +26,25 @@ pub(super) struct Layer {
     pub stiffness: f64,
     /// Half the width of the beginning `d` [m].
     pub smooth: f64,
+    /// Depth at which the pressure would be the modulus [m].
+    depth: f64,
 }
 
 impl Layer {
     /// `factor` times as stiff as a modulus [Pa] over a height [m].
     pub fn new(modulus: f64, height: f64, factor: f64) -> Self {
-        Layer { stiffness: factor * modulus / height, smooth: SMOOTH * height / factor }
+        let depth = height / factor;
+        Layer { stiffness: factor * modulus / height, smooth: SMOOTH * depth, depth }
+    }
+
+    /// The same on tissue that is held: it cannot give way to a pressure that begins before anything touches.
+    pub fn abrupt(self) -> Self {
+        Layer { smooth: ABRUPT * self.smooth, ..self }
     }
 
     /// Energy per area [J/m^2], pressure [Pa], and the fall of the pressure with the gap [Pa/m].
     pub fn at(&self, gap: f64) -> [f64; 3] {
-        let Layer { stiffness, smooth } = *self;
-        let depth = smooth / SMOOTH;
+        let Layer { stiffness, smooth, depth } = *self;
         let whole = spring(stiffness, smooth, gap);
         let [inner, beyond] =
             DEEP.map(|part| spring(STIFFER * stiffness, BENDS * depth, gap + part * depth));

@@ -59,6 +59,8 @@ pub struct Contact {
     /// Displacement at the start of the step.
     start: Vec<f64>,
     diagonal: f64,
+    /// Nodes that are fixed.
+    is_held: Vec<bool>,
 }
 
 impl Contact {
@@ -69,7 +71,16 @@ impl Contact {
             tools: Vec::new(),
             start: vec![0.0; body.n_dofs()],
             diagonal: diagonal(body.points()),
+            is_held: vec![false; body.points().len()],
         }
+    }
+
+    /// The same, of a body whose given degrees of freedom are fixed.
+    pub fn on_fixed(mut self, dofs: impl IntoIterator<Item = u32>) -> Self {
+        let mut fixed = vec![0; self.is_held.len()];
+        dofs.into_iter().for_each(|dof| fixed[dof as usize / 3] += 1);
+        self.is_held = fixed.into_iter().map(|count| count == 3).collect();
+        self
     }
 
     /// Whether there is neither a tool nor a contact pair.
@@ -119,7 +130,7 @@ impl Contact {
         let spacing = SPACING * shape.width();
         let mut all = self.tools.iter().flatten().map(|held| &held.samples);
         let known = all.find(|samples| samples.are_those_of(spacing));
-        known.cloned().unwrap_or_else(|| Arc::new(Samples::new(body, spacing)))
+        known.cloned().unwrap_or_else(|| Arc::new(Samples::new(body, spacing, &self.is_held)))
     }
 
     /// Looks for tools that are inside the body although its samples do not touch them; the number of the first, and

@@ -44,11 +44,13 @@ struct Sample {
     modulus: f64,
     height: f64,
     thickness: f64,
+    /// On held nodes alone.
+    is_held: bool,
 }
 
 impl Samples {
-    /// Samples at most `spacing` apart [m], as far as that can be afforded.
-    pub fn new(body: &Body, spacing: f64) -> Self {
+    /// Samples at most `spacing` apart [m], as far as that can be afforded, on a body some of whose nodes are held.
+    pub fn new(body: &Body, spacing: f64, is_held: &[bool]) -> Self {
         let faces = faces_of(body);
         let mut samples = Samples {
             samples: Vec::new(),
@@ -60,6 +62,10 @@ impl Samples {
             faces,
         };
         samples.fill(body);
+        for (number, sample) in samples.samples.iter_mut().enumerate() {
+            let nodes = samples.nodes.of(number);
+            sample.is_held = nodes.iter().all(|&(node, _)| is_held[node as usize]);
+        }
         samples
     }
 
@@ -119,7 +125,7 @@ impl Samples {
             (0..3).for_each(|i| rest[i] += weight * points[node as usize][i]);
         }
         let (area, modulus, height, thickness) = (0.0, 0.0, 0.0, 0.0);
-        self.samples.push(Sample { rest, area, modulus, height, thickness });
+        self.samples.push(Sample { rest, area, modulus, height, thickness, is_held: false });
         self.samples.len() - 1
     }
 
@@ -187,8 +193,9 @@ impl Samples {
 
     /// The layer at a sample, for a tool of a stiffness.
     pub fn layer(&self, sample: usize, factor: f64) -> Layer {
-        let Sample { area, modulus, thickness, .. } = self.samples[sample];
-        Layer::new(modulus / area, thickness / area, factor)
+        let Sample { area, modulus, thickness, is_held, .. } = self.samples[sample];
+        let layer = Layer::new(modulus / area, thickness / area, factor);
+        if is_held { layer.abrupt() } else { layer }
     }
 
     /// The smallest gap at which no sample is in the layer of a tool of a stiffness [m].

@@ -438,3 +438,18 @@ fn a_ball_is_not_moved_through_the_surface_in_one_step() {
     assert_eq!(frame_at(-1.5 * radius), [false, true]);
     assert_eq!(frame_at(-1.5 * radius), [true, false]);
 }
+
+/// A table that an organ is fixed to bears nothing that the organ does not press on it.
+#[test]
+fn a_table_beneath_fixed_nodes_feels_no_layer() {
+    let body = cube(3);
+    let table = Tool::new(Shape::HalfSpace, Friction::Coulomb(0.0), Pose::default());
+    let problem = problem(&body, base(&body));
+    let fixed = problem.prescribed.iter().map(|(dof, _)| *dof);
+    let mut contact = Contact::new(&body).on_fixed(fixed);
+    contact.add(&body, table, &vec![0.0; body.n_dofs()]).unwrap();
+    let found = Newton::default().solve_in_contact(&problem, &mut contact, &mut |_| true).unwrap();
+    assert_eq!(found.status, Status::Converged);
+    let [_, _, force] = contact.report(0).unwrap().force;
+    assert!(force.abs() < 1e-3, "{force}");
+}

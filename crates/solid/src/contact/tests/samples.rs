@@ -29,7 +29,7 @@ fn quadratic_cube(n: usize) -> Body {
 
 /// The area that each node has, by the weights of its samples [m^2].
 fn nodal_areas(body: &Body, spacing: f64) -> Vec<f64> {
-    let samples = Samples::new(body, spacing);
+    let samples = Samples::new(body, spacing, &vec![false; body.points().len()]);
     let mut areas = vec![0.0; body.points().len()];
     for sample in 0..samples.len() {
         for &(node, weight) in samples.nodes().of(sample) {

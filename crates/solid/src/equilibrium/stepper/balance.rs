@@ -1,7 +1,7 @@
 //! The residual before a step, with the motion of the hands and inertia, and after it.
 
 use super::pressed::Linearization;
-use super::regions::magnitude;
+use super::regions::{magnitude, square};
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
 
@@ -157,9 +157,4 @@ impl Stepper {
             self.internal.iter_mut().zip(&self.inertia).for_each(|(f, i)| *f += i);
         }
     }
-}
-
-/// `v . v`.
-pub(super) fn square(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum()
 }

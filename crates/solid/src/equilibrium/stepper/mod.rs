@@ -180,6 +180,7 @@ impl Stepper {
         let relaxation = settings.relaxation.as_ref().map(relax);
         let fixed = fixed.to_vec();
         let dofs = fixed.iter().copied();
+        let contact = Contact::new(body).on_fixed(dofs.clone());
         Ok(Stepper {
             solver: ConstrainedSystem::new(settings.method, body, dofs, Vec::new())?.for_frames(),
             tangent: settings.method.tangent(body),
@@ -193,7 +194,7 @@ impl Stepper {
             relaxation,
             nodal_mass,
             pressure: Pressure::default(),
-            contact: Contact::new(body),
+            contact,
             widened: None,
             rounding: Rounding::of(body),
             regions: Regions::of(body),

@@ -2,7 +2,6 @@
 //! balance in one region is compared with the forces there: beside bone, or another organ under a heavy load, the forces of
 //! soft tissue would count for nothing.
 
-use super::balance::square;
 use crate::body::Body;
 use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::problem::part_of_nodes;
@@ -103,4 +102,9 @@ fn shear_moduli(body: &Body) -> Vec<f64> {
         shear[middle] = shear[edge[0] as usize].min(shear[edge[1] as usize]);
     }
     shear
+}
+
+/// `v . v`.
+pub(super) fn square(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum()
 }

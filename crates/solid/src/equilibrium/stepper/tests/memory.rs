@@ -1,6 +1,6 @@
 //! Tissue that relaxes.
 
-use super::super::balance::square;
+use super::super::regions::square;
 use super::*;
 use crate::mesh::samples::noise;
 
