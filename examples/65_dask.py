@@ -13,7 +13,7 @@ import viscera as vs
 try:
     from distributed import Client, LocalCluster
 except ImportError:
-    raise SystemExit("this example needs Dask; pip install 'viscera[cluster]' brings it") from None
+    raise SystemExit("this example needs Dask: pip install distributed") from None
 
 HERE = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1"}
 

@@ -37,6 +37,7 @@ of those that it lists of `kappa`, `poisson` and the penalty `alpha`.
 PARTS = """A table `[material.PLACE]` holds the parameters that differ in a part of the organ. The place is the name of
 a cell set, or a condition on the centroids of cells, such as `[material."x > 80%"]`. The table may change any number
 that `[material]` gives for the whole organ. To give the part another law, write `law` and all its parameters there.
+Where two places overlap, the later table counts; a table with a `law` counts over those without.
 """
 
 

@@ -42,7 +42,7 @@ def writable(path: Name) -> Path:
         if not os.access(target, os.W_OK):
             raise VisceraError(f"{target}: you may not write to it")
         return target
-    folder = Path(os.path.realpath(target)).parent
+    folder = Path(_real(target)).parent
     if not folder.is_dir():
         named = target.parent if not target.is_symlink() else folder
         raise VisceraError(f"{target}: the folder {str(named)!r} does not exist; create it first")
@@ -92,7 +92,7 @@ def replacing(path: Name) -> Iterator[Path]:
             yield scratch
             _pour(scratch, target)
         return
-    whole = Path(os.path.realpath(target))
+    whole = Path(_real(target))
     _sweep(whole.parent)
     scratch = whole.with_name(f".viscera-{secrets.token_hex(8)}.part{whole.suffix}")
     with _refusing(target):  # before the writer does, whose error would name the scratch file
@@ -121,16 +121,24 @@ def _is_same(one: Path, other: Path) -> bool:
     try:
         states = os.stat(one), os.stat(other)
     except OSError:
-        return os.path.realpath(one) == os.path.realpath(other)
+        return _real(one) == _real(other)
     return stat.S_ISREG(states[0].st_mode) and os.path.samestat(*states)
 
 
 def _is_in_place(target: Path) -> bool:
     """Whether the path is a device, a pipe or a file that the process holds open (`/dev/stdout`)."""
-    parent = os.path.realpath(target.parent)
+    parent = _real(target.parent)
     if parent == "/dev" or parent.startswith("/proc/"):
         return True
     return target.exists() and not target.is_file()
+
+
+def _real(path: Path) -> str:
+    """Where the path leads, symbolic links followed."""
+    try:
+        return os.path.realpath(path)
+    except FileNotFoundError as error:  # no other folder need exist
+        raise VisceraError(f"{path}: the working folder was removed; change to one that exists") from error
 
 
 def _pour(scratch: Path, target: Path) -> None:

@@ -288,8 +288,10 @@ def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], 
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
     try:
-        words = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:  # wrong TOML, or bytes that are not UTF-8; lists in lists in lists
+        words = tomllib.loads(source.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise VisceraError(f"{source}: not in UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8") from error
+    except (ValueError, RecursionError) as error:  # wrong TOML; lists in lists in lists
         raise VisceraError(f"{source}: not a TOML file ({error})") from error
     try:
         return made(words, source.parent)

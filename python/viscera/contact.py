@@ -14,7 +14,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Number, numbers_of, refused, vector
 from viscera.rotation import rotation_matrix
-from viscera.select import Lengths, length
+from viscera.select import Lengths, length_in_space
 
 if TYPE_CHECKING:
     from viscera.stepper import Stepper
@@ -24,7 +24,15 @@ STIFFNESS = 30.0
 """Stiffness factor of the layer between tool and organ, as in `crates/solid/src/contact/layer.rs`."""
 
 
-class Sphere:
+class _Compiled:
+    """A shape with its compiled form `_core`; all else that it holds is what it was made of, in that order."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle and copy: the compiled form is made again."""
+        return type(self), tuple(value for name, value in vars(self).items() if name != "_core")
+
+
+class Sphere(_Compiled):
     """A sphere around the tool's origin; radius [m], or in words such as "8 mm".
 
     >>> import viscera as vs
@@ -40,7 +48,7 @@ class Sphere:
         return f"Sphere(radius={self.radius:g})"
 
 
-class Capsule:
+class Capsule(_Compiled):
     """A cylinder along the tool's z axis with round ends: all points within `radius` of a segment of `length` [m].
 
     >>> import viscera as vs
@@ -57,7 +65,7 @@ class Capsule:
         return f"Capsule(radius={self.radius:g}, length={self.length:g})"
 
 
-class Box:
+class Box(_Compiled):
     """A box around the tool's origin with these sides (3,) [m], its edges rounded by `rounding` [m] within them.
 
     >>> import viscera as vs
@@ -70,7 +78,7 @@ class Box:
         if len(given) != 3:
             raise refused("the sides of a box", "three lengths [m]", sides)
         self.sides = tuple(_positive(side, "a side of a box") for side in given)
-        self.rounding = length(rounding, 0.0, "the rounding of a box")
+        self.rounding = length_in_space(rounding, "the rounding of a box")
         half = [0.5 * side - self.rounding for side in self.sides]
         if self.rounding < 0.0 or min(half) < 0.0:
             raise VisceraError(
@@ -83,7 +91,7 @@ class Box:
         return f"Box(sides={self.sides}, rounding={self.rounding:g})"
 
 
-class HalfSpace:
+class HalfSpace(_Compiled):
     """Everything below z = 0 in the axes of the tool: a table, or the flat face of a large plate.
 
     >>> import viscera as vs
@@ -97,7 +105,7 @@ class HalfSpace:
         return "HalfSpace()"
 
 
-class Shape:
+class Shape(_Compiled):
     """The inside of a closed surface, by its signed distance (Baerentzen and Aanaes 2005), built once.
 
     surface: a `Mesh`, of which the surface is taken, or points (n, 3) [m] and triangles (t, 3) seen anticlockwise from
@@ -352,7 +360,7 @@ FRICTION = Number(low=0.0, high=1e3)
 
 
 def _positive(value: Any, what: str) -> float:
-    metres = length(value, 0.0, what)
+    metres = length_in_space(value, what)
     if metres <= 0.0:
         raise refused(what, "a length above 0 [m]", value)
     return float(metres)

@@ -10,14 +10,15 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from viscera.atomic import replacing
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError
 from viscera.filekind import check_picture
 from viscera.mesh import Floats
+from viscera.quantity import Choice, numbers_of, refused
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,10 +62,8 @@ def curve(law: Law, mode: str, stretch: tuple[float, float], cell: int = 0) -> t
     mode: "uniaxial", "equibiaxial", "pure shear" (parameter: the stretch, 1 at rest) or "simple shear" (the shear, 0 at
     rest; the volume is kept and the thickness held). The curve ends early where the law has no state to continue to.
     """
-    if mode not in MODES:
-        raise VisceraError(f"no deformation is called {mode!r}; {did_you_mean(mode, MODES)}")
-    kind = MODES[mode]
-    low, high = stretch
+    kind = MODES[Choice(MODES)(mode, "the deformation")]
+    low, high = _ends(stretch)
     if not low <= kind.at_rest <= high or not low < high:
         raise VisceraError(f"{mode}: the range {low:g} to {high:g} must hold the state of rest, {kind.at_rest:g}")
     if kind.at_rest == 1.0 and not low > 0.0:
@@ -93,6 +92,7 @@ def draw(
     check_picture(path)
     figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")
     FigureCanvasAgg(figure)
+    stretch = _ends(stretch)
     names = Counter(type(law).__name__ for law in laws)
     labels = [type(law).__name__ if names[type(law).__name__] == 1 else repr(law) for law in laws]
     ranges = {mode: (0.0, stretch[1] - 1.0) if kind.at_rest == 0.0 else stretch for mode, kind in MODES.items()}
@@ -113,6 +113,14 @@ def draw(
         with replacing(path) as scratch:
             figure.savefig(scratch, format="png", facecolor=PAPER)
     return figure
+
+
+def _ends(stretch: Any) -> tuple[float, float]:
+    """The ends of a range, checked to be two finite numbers."""
+    ends = numbers_of(stretch)
+    if ends is None or ends.shape != (2,) or not np.isfinite(ends).all():
+        raise refused("the range of a curve", "two finite numbers, such as (0.6, 1.6)", stretch)
+    return float(ends[0]), float(ends[1])
 
 
 def _march(law: Law, kind: Mode, parameters: Floats, cell: int) -> list[float]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from viscera import _core
+from viscera import _core, statefile
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.meshfile import EDGES
@@ -49,6 +49,15 @@ class Deformed:
     def _from_rest(self) -> tuple[Organ, Floats]:
         """The organ and its displacement (n, 3) [m] from the unloaded shape, from which strain is counted."""
         raise NotImplementedError
+
+    def _inside_out(self) -> str:
+        """How many cells are inverted, in words; empty if none is."""
+        inverted = self._response.inverted
+        return f"{inverted.sum()} of {len(inverted)} cells are inside out" if inverted.any() else ""
+
+    def _nodal(self) -> dict[str, Floats]:
+        """Further fields at nodes of its files, by name."""
+        return {}
 
     @cached_property
     def _response(self) -> Response:
@@ -165,7 +174,7 @@ class Deformed:
     def fields(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """The fields of written files, by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`,
         `green_strain` and `energy_density`; in those of a `Scene` also `organ`, its number in `organs`. If a cell is
-        inverted, they contain no stress.
+        inverted, they contain no stress, except with the law `Linear`.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -179,11 +188,31 @@ class Deformed:
         organ, _ = self._from_rest()
         strain = {"green_strain": self.strain("green"), "energy_density": self.energy_density()}
         strain |= {"organ": organ.of_cell} if isinstance(organ, Scene) else {}
-        if not (self._response.is_linear or (self._response.volume_ratio > 0.0).all()):
+        if self._response.inverted.any() and not self._response.is_linear:
             return {}, strain
         cells, nodes = self.stress("cauchy"), self.stress("cauchy", "nodes")
         stress = {"cauchy_stress": cells, "von_mises": von_mises(cells), "pressure": pressure(cells)}
         return {"von_mises": von_mises(nodes), "pressure": pressure(nodes)}, stress | strain
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a file; the ending chooses the format, which is checked first.
+
+        `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, at points `displacement` [m], `von_mises` and
+        `pressure` [Pa], in cells `cauchy_stress`, `von_mises`, `pressure` [Pa], `green_strain` and `energy_density`
+        [J/m^3]. A state and a frame also have `reaction` [N] at points, a registered organ `band` [m] and
+        `is_observed`. `.ply`, `.glb`, `.gltf`: the deformed surface with the fields of the points on its vertices.
+        `.obj`, `.stl`: the deformed surface alone. If a cell is inverted, no stress is written (`State.message` and a
+        frame in print count such cells), except with the law `Linear`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> state.write("bent.vtu")
+        >>> beam.moved(0.5 * state.displacement).write("half.vtu")
+        """
+        target, (mesh, displacement) = statefile.checked(path), self._seen()
+        points, cells = self.fields()
+        statefile.write(target, mesh, displacement, {"displacement": displacement} | self._nodal() | points, cells)
 
     def at(self, points: ArrayLike) -> PointValues:
         """Displacement, stress and strain at points (k, 3) [m] of the undeformed mesh.

@@ -61,7 +61,7 @@ class Prony:
 
     S(t) = integral of G(t - s) dS_law(s), G(t) = 1 - sum_i g_i (1 - exp(-t / tau_i)), S the whole second
     Piola-Kirchhoff stress. Simo and Hughes, Computational Inelasticity (1998), chapter 10.
-    g: relative moduli, positive, with a sum below 1; tau: relaxation times [s].
+    g: relative moduli, positive, with a sum below 1; tau: relaxation times [s]. It is for the element "P1" alone.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

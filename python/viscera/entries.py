@@ -62,7 +62,7 @@ class Length:
     """A length of a contact."""
 
     def __call__(self, value: Any, what: str) -> None:
-        self.metres(length(value, 1.0, what), what)
+        length(value, 1.0, what, self.metres)
 
     metres = Number("m", above=0)
 

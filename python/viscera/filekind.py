@@ -48,6 +48,11 @@ def require(path: Name, *wanted: str, advice: str = "") -> None:
     told, kind = " or ".join(wanted), kind_of(source)
     if source.is_dir():
         raise VisceraError(f"{source}: is a folder, not {told}")
+    if not source.exists() and source.name.startswith("organ:"):
+        raise VisceraError(
+            f"{source}: a built-in organ is a mesh, not {told}; `viscera inspect` and `reduce` take it, and a case "
+            f'file names it: mesh = "{source}"'
+        )
     if not source.exists():
         raise VisceraError(f"{source}: no such {MISSING.get(wanted, 'file')}")
     if not kind or kind in wanted:

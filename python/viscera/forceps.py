@@ -13,7 +13,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.quantity import Number, refused, vector
 from viscera.rotation import rotation_matrix
-from viscera.select import length
+from viscera.select import length_in_space
 
 if TYPE_CHECKING:
     from viscera.stepper import Stepper
@@ -74,7 +74,7 @@ class Forceps:
         """Position (3,) [m] midway between the jaws, for the next frame."""
         self.rotation: Floats = rotation_matrix(rotation, "the rotation of forceps")
         """Rotation matrix (3, 3) for the next frame."""
-        self.opening: float = _opening(length(opening, 0.0, "the opening of forceps"))
+        self.opening: float = _opening(length_in_space(opening, "the opening of forceps"))
         """Distance [m] between the jaws for the next frame."""
         self._squeeze: tuple[float, float] | None = None
         self._stiffness = 0.0
@@ -289,4 +289,4 @@ def _opening(value: float) -> float:
 
 
 def _step(by: float | str, what: str) -> float:
-    return Number("m", low=0.0)(length(by, 0.0, what), what)
+    return Number("m", low=0.0)(length_in_space(by, what), what)

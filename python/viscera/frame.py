@@ -49,7 +49,7 @@ class Frame(Deformed, Pictured):
     """Newton iterations done."""
     cells_at_bound: int
     """Cells next to a bound of the volume ratio, 0.05 or 4, which no frame passes. The force of a barrier acts on them
-    beside that of the law."""
+    beside that of the law. `Linear` and `StableNeoHookean` let cells turn inside out and have no bounds."""
     taken: float
     """Part of the step that was taken: below 1 if a cell would have been crushed or torn. Hands moved only so far."""
     is_unstable: bool
@@ -83,11 +83,13 @@ class Frame(Deformed, Pictured):
     _grips: list[tuple[Forceps, JawForces]]
 
     def __repr__(self) -> str:
+        inside_out = self._inside_out()
         flags = {
             "settled": self.is_settled,
             "not settled": not self.is_settled,
             "unstable": self.is_unstable,
             f"{self.cells_at_bound} cells at a bound": self.cells_at_bound > 0,
+            inside_out: inside_out != "",
             "linear system not solved": not self.is_solved,
             "over budget": not self.within_budget,
         }
@@ -99,6 +101,9 @@ class Frame(Deformed, Pictured):
 
     def _from_rest(self) -> tuple[Organ, Floats]:
         return self._organ, self.displacement
+
+    def _nodal(self) -> dict[str, Floats]:
+        return {"reaction": self._reactions}
 
     def stress(self, measure: str = "cauchy", at: str = "cells") -> Floats:
         """Stress as in `State.stress`; refused if the tissue relaxes, because a frame does not hold the history.

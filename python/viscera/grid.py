@@ -1,4 +1,4 @@
-"""A displacement on the grid of an image, and images moved by it: NIfTI, NRRD, MetaImage (`pip install viscera[scan]`).
+"""A displacement on the grid of an image, and images moved by it: NIfTI, NRRD, MetaImage (`pip install SimpleITK`).
 
 World axes are right, anterior, superior (RAS) or left, posterior, superior (LPS); they differ in the sign of x and y.
 A mesh is in metres in either. Files of images are read and written by SimpleITK, which uses LPS and millimetres.
@@ -38,7 +38,7 @@ def sitk() -> Any:
     try:
         import SimpleITK
     except ImportError:
-        raise VisceraError("images need the package SimpleITK: pip install viscera[scan]") from None
+        raise VisceraError("images need the package SimpleITK: pip install SimpleITK") from None
     return SimpleITK
 
 

@@ -112,4 +112,4 @@ def _library(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise VisceraError(f"this image needs the package {name}: pip install viscera[scan]") from None
+        raise VisceraError(f"this image needs the package {name}: pip install {name}") from None

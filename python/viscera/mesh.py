@@ -75,7 +75,8 @@ class Mesh(Pictured):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: a checked mesh is not checked again."""
-        return _again, (self.points, self.cells, self.sets, self.messages, self.edges, self.cell_sets)
+        told = (self.points, self.cells, self.sets, self.messages, self.edges, self.cell_sets, self.axes)
+        return _again, told
 
     @cached_property
     def surface(self) -> Indices:
@@ -386,10 +387,12 @@ def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
     return np.union1d(nodes, midpoints).astype(np.uint32)
 
 
-def _again(points: Floats, cells: Indices, sets: Any, messages: tuple[str, ...], edges: Indices, parts: Any) -> Mesh:
+def _again(
+    points: Floats, cells: Indices, sets: Any, messages: tuple[str, ...], edges: Indices, parts: Any, axes: str
+) -> Mesh:
     """A mesh from the arrays of one, which pickle has made writable."""
     sets, parts = ({name: _read_only(members) for name, members in each.items()} for each in (sets, parts))
-    return Mesh(_read_only(points), _read_only(cells), sets, messages, _read_only(edges), parts)
+    return Mesh(_read_only(points), _read_only(cells), sets, messages, _read_only(edges), parts, axes)
 
 
 def _is_ours(array: Any, kind: type) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import Number, Whole
+from viscera.quantity import Number, Whole, refused
 from viscera.state import State
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class Unloaded:
         """A state of `organ` with displacement and volume ratio counted from the scanned shape.
 
         A scan shows corners of cells. Midpoints are counted from where they are under the loads of the scan, which is
-        not quite on the straight edge between them.
+        not quite on the straight edge between them. Raises `VisceraError` for a state of an organ of another shape.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -76,6 +76,13 @@ class Unloaded:
         >>> bool(rest.from_scan(rest.state).max_displacement < 1e-6)
         True
         """
+        if not isinstance(state, State):
+            raise refused("the state to count from the scan", "a State of the unloaded organ", state)
+        if not np.array_equal(state.mesh.points, self.organ.mesh.points):
+            raise VisceraError(
+                "the state to count from the scan is not one of the unloaded organ: its mesh has other points; solve "
+                "with `organ` of this result, as in rest.from_scan(rest.organ.solve(...))"
+            )
         seen = copy.copy(state)
         seen.mesh = self.scan
         scanned = self.organ.mesh.points + self.state.displacement

@@ -96,7 +96,8 @@ class Organ(Statics, Reducible):
         """The organ in real time: each frame continues from the last by Newton's method, quasi-static or with inertia.
 
         grasped: `{where: (x, y, z)}` as in `solve`: what the hands hold at first. Every frame may change it.
-        start: a state or a frame to start from, or its displacement (n, 3) [m]; by default rest.
+        start: a state or a frame to start from, or its displacement (n, 3) [m]; by default rest. Neither
+            velocity nor relaxation is taken over (docs/real-time.md).
         solver: "cholesky", "cg" (conjugate gradients with a lagged factor), "multigrid", "gpu" or a
             `ConjugateGradients`.
         iterations: largest number of Newton iterations in a frame. A frame ends earlier at a residual of `settled`.
@@ -107,7 +108,7 @@ class Organ(Statics, Reducible):
         time_step [s] between frames: needed for inertia and relaxation.
         dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static if None.
         mass: "lumped" or "consistent"; damping: Rayleigh's alpha [1/s] and beta [s], C = alpha M + beta K.
-        relaxation: `Prony` viscoelasticity.
+        relaxation: `Prony` viscoelasticity, of the element "P1" alone.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from viscera.organ import Organ
 
 
+SAMPLES = Whole(2, 10_000)
+"""Of an expansion: its ends at least."""
+
+
 @dataclass(frozen=True)
 class Expansion:
     """One section of a path: u(a) = sum_p a^p u_p, and a series of the load, for 0 <= a <= range."""
@@ -55,6 +59,7 @@ class Path:
 
     def curve(self, samples: int = 10) -> tuple[Floats, Floats]:
         """Load factors (k,) and displacements (k, n, 3) [m] at equal steps of a within every expansion."""
+        samples = SAMPLES(samples, "samples")
         points = [expansion.at(a) for expansion in self.expansions for a in np.linspace(0.0, expansion.range, samples)]
         return np.array([load for load, _ in points]), np.array([u for _, u in points])
 
@@ -65,7 +70,7 @@ class Path:
         """
         from viscera.series import write_series
 
-        loads, shapes = self.curve(Whole(2, 10_000)(samples, "samples"))
+        loads, shapes = self.curve(samples)
         first = np.arange(len(loads)) % samples > 0  # an expansion begins where the one before it ends
         first[0] = True
         loads, shapes = loads[first], shapes[first]

@@ -59,7 +59,7 @@ class Reducible(Supported):
         touchable: a place whose free surface nodes may be touched; by default all surface nodes farther than `radius`
             from fixed nodes.
         radius: of the contact patch [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default
-            a tenth of the diagonal.
+            a tenth of the diagonal. Below half the mean edge of the surface it is taken with a warning, as in `patch`.
         depth: largest displacement [m] of a touch, given in the same way; by default a tenth of the diagonal.
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
@@ -111,6 +111,8 @@ class Reducible(Supported):
             )
         self._require_linear_ties()
         nodes = self.touchable(touchable, radius)
+        narrowest = vary.on(self.mesh).low if vary is not None and vary.name == "radius" else radius
+        self._warn_if_narrow(float(narrowest), nodes)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
         organ, family = (self._organ, None) if vary is None else vary.on(self.mesh).family(self._organ, radius)
         preload = None if start is None else preload_of(self._organ, start)

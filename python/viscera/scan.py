@@ -1,4 +1,4 @@
-"""Label maps of scans: the position of each voxel in the patient, and its label (`pip install viscera[scan]`).
+"""Label maps of scans: the position of each voxel in the patient, and its label (extra `scan`).
 
 World axes are right, anterior, superior (RAS, NIfTI) or left, posterior, superior (LPS, NRRD and DICOM). They are kept:
 a mesh has the axes of its scan, in metres.

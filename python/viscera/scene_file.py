@@ -64,6 +64,7 @@ class _ScenePlaces:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
+        self.mesh = scene.mesh
         self.organs = {name: Places(organ.mesh) for name, organ in scene.organs.items()}
 
     def side(self, side: tuple[str, Nodes | None], name: str) -> str:
@@ -75,8 +76,8 @@ class _ScenePlaces:
         """A place in the numbering of the scene, all of which is in one organ."""
         if isinstance(where, _core.Patch):
             raise VisceraError("a case file has no word for a contact patch; load a set, or give its nodes")
-        nodes = self._scene.mesh.nodes(where)
-        if isinstance(where, str) and where in self._scene.mesh.sets:
+        nodes = self.mesh.nodes(where)
+        if isinstance(where, str) and where in self.mesh.sets:
             return where
         for organ, own in self._scene._numbers.items():
             if np.isin(nodes, own).all():
@@ -114,7 +115,8 @@ def _spring(spring: Spring, places: _ScenePlaces) -> dict[str, Any]:
     words: dict[str, Any] = {"first": places.of(spring.first, "spring")}
     if spring.second is not None:
         words["second"] = places.of(spring.second, "spring")
-    words |= {"point": spring.point, "stiffness": spring.stiffness, "length": spring.length, "cable": spring.cable}
+    length = spring.on(places.mesh).length
+    words |= {"point": spring.point, "stiffness": spring.stiffness, "length": length, "cable": spring.cable}
     return {name: word for name, word in words.items() if word is not None}
 
 

@@ -40,7 +40,7 @@ class Metres:
     def __call__(self, value: Any, what: str) -> None:
         if isinstance(value, str) and "%" in value:
             raise refused(what, self, value)
-        self.metres(length(value, 0.0, what), what)
+        length(value, 0.0, what, self.metres)
 
     def __str__(self) -> str:
         return f'{self.metres}; or words such as "12 mm"'

@@ -94,8 +94,8 @@ def extent(box: Floats) -> str:
     return "the mesh spans " + ", ".join(f"{axis} {low[k]:.4g}..{high[k]:.4g} mm" for k, axis in enumerate(AXES))
 
 
-def length(value: Any, whole: float, name: str) -> float:
-    """A length [m] from a number [m] or from words such as "12 mm", or "10%" of `whole` [m].
+def length(value: Any, whole: float, name: str, kind: Number = METRIC) -> float:
+    """A length [m] from a number [m] or from words such as "12 mm", or "10%" of `whole` [m]; `kind` limits it.
 
     >>> length("12 mm", whole=0.2, name="radius"), length("10%", whole=0.2, name="radius")
     (0.012, 0.02)
@@ -104,7 +104,7 @@ def length(value: Any, whole: float, name: str) -> float:
         if not re.fullmatch(BOUND, value.strip()):
             raise VisceraError(f"{name} {brief(value)} is not a length; write it as '12 mm' or '10%'")
         value = _metres(value, 0.0, whole, name)
-    return METRIC(value, name)
+    return kind(value, name)
 
 
 def point(value: Lengths, mesh: Sized, name: str) -> Floats:
@@ -122,6 +122,16 @@ def offset(value: Lengths, mesh: Sized, name: str) -> Floats:
     return _three(value, np.zeros(3), np.full(3, mesh.diagonal), name)
 
 
+def length_in_space(value: Any, name: str) -> float:
+    """A length [m] where there is no mesh that a percentage could refer to, such as the size of a tool.
+
+    >>> length_in_space("12 mm", "the radius")
+    0.012
+    """
+    _refuse_percentage(value, name)
+    return length(value, 0.0, name)
+
+
 def in_space(value: Lengths, name: str) -> Floats:
     """A point or a motion (3,) [m] in space, where there is no mesh that a percentage could refer to.
 
@@ -130,14 +140,18 @@ def in_space(value: Lengths, name: str) -> Floats:
     """
     if not has_words(value):
         return vector(value, name, "m")
-    if "%" in str(value):
-        raise VisceraError(f"{name}: a percentage of what? write {brief(value)} with units, such as '12 mm'")
+    _refuse_percentage(value, name)
     return _three(value, np.zeros(3), np.zeros(3), name)
 
 
 def has_words(value: Any) -> bool:
     """Whether a vector is given in words, at least in part."""
     return isinstance(value, str) or (isinstance(value, list | tuple) and any(isinstance(each, str) for each in value))
+
+
+def _refuse_percentage(value: Any, name: str) -> None:
+    if "%" in str(value):
+        raise VisceraError(f"{name}: a percentage of what? write {brief(value)} with units, such as '12 mm'")
 
 
 def _three(value: Any, starts: Floats, wholes: Floats, name: str) -> Floats:

@@ -14,7 +14,7 @@ from viscera.atomic import replacing
 from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Indices
-from viscera.quantity import Number, path_of
+from viscera.quantity import Number, path_of, refused
 
 MOST_SHAPES = 256
 """Morph targets of a glTF file; viewers keep all of them in the memory of the graphics card."""
@@ -38,7 +38,7 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
     target = path_of(path, "the file of the series")
     if target.suffix.lower() not in (".pvd", ".glb", ".gltf"):
         raise VisceraError(f"{target}: a series is written as .pvd for ParaView, or as .glb or .gltf for other viewers")
-    times = _rising([time for time, _ in moments], target)
+    times = _rising(_pairs(moments), target)
     seen = [shape._seen() for _, shape in moments]
     mesh = seen[0][0]
     for index, (other, _) in enumerate(seen):
@@ -67,10 +67,22 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
     return [target]
 
 
-def _rising(times: Sequence[float], path: Path) -> list[float]:
-    if not times:
+def _pairs(moments: Sequence[tuple[float, Deformed]]) -> Sequence[tuple[float, Deformed]]:
+    """The moments, each of which must be a time and a shape."""
+    if not isinstance(moments, Sequence) or isinstance(moments, str):
+        raise refused("the moments of a series", "a list of pairs, such as [(0.5, state)]", moments)
+    for index, moment in enumerate(moments):
+        is_pair = isinstance(moment, tuple | list) and len(moment) == 2
+        if not (is_pair and isinstance(moment[1], Deformed)):
+            what = "a pair of a time and a state, a frame, an answer or Organ.moved of a displacement"
+            raise refused(f"moment {index} of a series", what, moment)
+    return moments
+
+
+def _rising(moments: Sequence[tuple[float, Deformed]], path: Path) -> list[float]:
+    if not moments:
         raise VisceraError(f"{path}: there is no moment to write")
-    checked = [Number()(time, f"the time of moment {index}") for index, time in enumerate(times)]
+    checked = [Number()(time, f"the time of moment {index}") for index, (time, _) in enumerate(moments)]
     for index, (before, after) in enumerate(pairwise(checked), start=1):
         if after <= before:
             raise VisceraError(f"times must rise: moment {index} is at {after:g}, the one before it at {before:g}")

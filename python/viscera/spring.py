@@ -9,7 +9,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.loads import Where, name_of, shares_of
 from viscera.mesh import Mesh
-from viscera.quantity import Flag, Number, vector
+from viscera.quantity import Flag, Number, brief, vector
 from viscera.select import length as length_of
 from viscera.ties import NONE, Link, Ties
 
@@ -24,7 +24,8 @@ class Spring:
 
     first, second: places, or contact patches; in a scene such as "liver/hilum". Either `second` or `point` is given.
     stiffness: k [N/m]. point: (3,) [m] in space.
-    length: l_0 [m], or in words; by default the length at rest. A shorter one pulls already at rest.
+    length: l_0 [m], or in words such as "5 mm", or "10%" of the mesh's diagonal, among the bonds of a scene of that of
+        all its organs; by default the length at rest. A shorter one pulls already at rest.
     cable: whether it bears no compression.
 
     Springs work in `solve` and in frames; series (`path`, `reduce`) refuse them. A spring holds an organ along its
@@ -55,9 +56,8 @@ class Spring:
         self.first, self.second = first, second
         self.point = None if point is None else vector(point, "the point of a spring", "m")
         self.stiffness = STIFFNESS(stiffness, "the stiffness of a spring")
-        self.length = None if length is None else length_of(length, 0.0, "the length of a spring")
-        if self.length is not None and self.length < 0.0:
-            raise VisceraError(f"the length of a spring is {self.length:g} m; it must not be negative")
+        self.length = length
+        self._metres(1.0)  # refused here, although it takes a mesh to tell how long it is
         self.cable = Flag()(cable, "cable")
         self._first: Spring = self
 
@@ -87,7 +87,8 @@ class Spring:
             each if each is None or isinstance(each, _core.Patch) else mesh.nodes(each)
             for each in (self.first, self.second)
         ]
-        told = {"stiffness": self.stiffness, "point": self.point, "length": self.length, "cable": self.cable}
+        length = self._metres(mesh.diagonal)
+        told = {"stiffness": self.stiffness, "point": self.point, "length": length, "cable": self.cable}
         there = Spring(ends[0], ends[1], **told)  # type: ignore[arg-type]
         there._first = self._first
         return there
@@ -109,6 +110,14 @@ class Spring:
             nodes, weights = shares_of(mesh, self.second)
             ends += zip(nodes.tolist(), (-weights).tolist(), strict=True)
             rest = rest - weights @ mesh.points[nodes]
-        length = float(np.linalg.norm(rest)) if self.length is None else self.length
+        given = self._metres(mesh.diagonal)
+        length = float(np.linalg.norm(rest)) if given is None else given
         link = Link(tuple(ends), np.asarray(rest), self.stiffness, length, self.cable)
         return Ties(*NONE.arrays, links=(link,))
+
+    def _metres(self, diagonal: float) -> float | None:
+        """l_0 [m] on a mesh with this diagonal [m]; None for the length at rest."""
+        metres = None if self.length is None else length_of(self.length, diagonal, "the length of a spring")
+        if metres is not None and metres < 0.0:
+            raise VisceraError(f"the length of a spring is {brief(self.length)}; it must not be negative")
+        return metres

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viscera import _core, statefile
+from viscera import _core
 from viscera.contact import AnyShape, Contact, Tool, contacts
 from viscera.contact_pair import ContactPair, unknown_contact
 from viscera.deformed import Deformed
@@ -55,8 +56,7 @@ class State(Deformed, Pictured):
         """Deformed over rest volume."""
         self.status: str = result["status"]
         self.is_converged: bool = result["is_converged"]
-        self.message: str = result["message"]
-        """What went wrong; empty if nothing did."""
+        self._told: str = result["message"]
         self.load: float = result["load"]
         """Fraction of the load reached, 1 where converged."""
         self.iterations: int = result["iterations"]
@@ -93,6 +93,17 @@ class State(Deformed, Pictured):
 
     def _from_rest(self) -> tuple[Organ, Floats]:
         return self._organ, self._displacement_from_rest
+
+    def _nodal(self) -> dict[str, Floats]:
+        return {"reaction": self._held}
+
+    @cached_property
+    def message(self) -> str:
+        """How the solve ended, in words: what went wrong, and how many cells are inside out, which some laws allow."""
+        inside_out = self._inside_out()
+        if inside_out and not self._response.is_linear:
+            inside_out += ", and files hold no stress"
+        return "; ".join(filter(None, (self._told, inside_out)))
 
     @property
     def max_displacement(self) -> float:
@@ -162,23 +173,6 @@ class State(Deformed, Pictured):
         True
         """
         return self.contact(tool).torque
-
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the solution; the ending chooses the format, which is checked first.
-
-        `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, at points `displacement` [m], `reaction` [N],
-        `von_mises` and `pressure` [Pa], in cells `cauchy_stress`, `von_mises`, `pressure` [Pa], `green_strain` and
-        `energy_density` [J/m^3]. `.ply`, `.glb`, `.gltf`: the deformed surface with the fields of the points on its
-        vertices. `.obj`, `.stl`: the deformed surface alone. If a cell is inverted, no stress is written.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
-        >>> state.write("bent.vtu")
-        """
-        moved = {"displacement": self.displacement, "reaction": self._held}
-        points, cells = self.fields()
-        statefile.write(path, self.mesh, self.displacement, moved | points, cells)
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, colour: str = "displacement") -> Figure:
         """The deformed organ over its rest shape. `path`: write a PNG file there.

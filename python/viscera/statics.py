@@ -34,8 +34,10 @@ from viscera.supported import Supported
 
 STEPS = Whole(1, 10_000)
 TOLERANCE = Number(above=0, below=1)
+ORDER = Whole(2, 30)
+"""As in `crates/series/src/path.rs`."""
 
-NOTHING_ACTS = "nothing acts on the organ: no load, no prescribed displacement other than zero"
+NOTHING_ACTS = "nothing acts on the organ: no load, no tightened spring, no prescribed displacement other than zero"
 
 
 class Statics(Supported):
@@ -121,7 +123,8 @@ class Statics(Supported):
         gpu.report(result["device_fault"])
         seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
         state = State(self._organ, result, patches, seconds, has_pressure=bool(pressure), tools=tools)
-        acting = (moved.values, means, applied, weight, pressures)
+        pulls = [link.force(np.zeros_like(applied)) for link in self._ties.links]
+        acting = (moved.values, means, applied, weight, pressures, pulls)
         if state.is_converged and not tools and not any(np.any(each) for each in acting):
             state.message = NOTHING_ACTS
         if throw and not state.is_converged:
@@ -156,7 +159,7 @@ class Statics(Supported):
         (1.0, -0.1993)
         """
         Choice(("load", "arc length"))(parameter, "the path parameter")
-        order = Whole(2, 100)(order, "order")
+        order = ORDER(order, "order")
         until = Number(above=0)(until, "until")
         tolerance = TOLERANCE(tolerance, "tolerance")
         max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")

@@ -168,7 +168,7 @@ class Stepper:
     def view(self, name: str = "Organ", height: int = 560) -> Any:
         """Show the organ in a notebook, stepped in the kernel by up to two hands on the page, or from Python.
 
-        Needs `pip install viscera[notebook]`. `widget.touch(point, displacement)` [m] holds the patch around a surface
+        Needs `pip install anywidget`. `widget.touch(point, displacement)` [m] holds the patch around a surface
         point and steps until it has settled; `widget.release()` lets go. `widget.point`, `widget.displacement`,
         `widget.force` and `widget.is_trusted` follow each touch: `widget.observe(handler, "force")`. Frames of the page
         apply no load except the hands. Tools that the stepper has by now are shown, where they are, as are the bodies

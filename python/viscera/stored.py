@@ -95,10 +95,15 @@ class Stored:
         return str(self.metadata.get("element", "P1"))
 
     @property
+    def parameter(self) -> dict[str, Any] | None:
+        """The parameter that the model covers a range of: `name`, `value`, `range`; None for a model without one."""
+        parameter = self.metadata.get("parameter")
+        return None if parameter is None else {key: parameter[key] for key in ("name", "value", "range")}
+
+    @property
     def value(self) -> float | None:
         """The value that the model's parameter is set to; None for a model without a parameter."""
-        parameter = self.metadata.get("parameter")
-        return None if parameter is None else float(parameter["value"])
+        return None if self.parameter is None else float(self.parameter["value"])
 
     @property
     def radius(self) -> float:

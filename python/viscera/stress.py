@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from viscera import _core
 from viscera.errors import VisceraError
@@ -58,7 +59,7 @@ class Response:
         Near incompressibility the pressures of the four points of a quadratic cell are far apart, and only their mean
         is that of the tissue: a straight line through them would be further off than any of them (docs/output.md).
         """
-        if self.pk1.shape[1] == 1 or not (self.is_linear or (self.volume_ratio > 0.0).all()):
+        if self.pk1.shape[1] == 1 or (self.inverted.any() and not self.is_linear):
             return self
         sigma = self.stress("cauchy")
         apart = pressure(sigma) - pressure(sigma).mean(axis=1, keepdims=True)
@@ -89,6 +90,11 @@ class Response:
     def volume_ratio(self) -> Floats:
         """J (m, q)."""
         return np.asarray(np.linalg.det(self.gradient))
+
+    @cached_property
+    def inverted(self) -> NDArray[np.bool_]:
+        """Cells (m,) of which a point has no positive volume ratio."""
+        return np.asarray(~(self.volume_ratio > 0.0).all(axis=1))
 
     def _require_upright(self) -> Floats:
         J = self.volume_ratio

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.law import Law, Several
 from viscera.mesh import Floats, Indices, Mesh, Where
-from viscera.quantity import Choice, refused
+from viscera.quantity import Choice, Number, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
 from viscera.support import fixed_nodes, supports_of
@@ -25,9 +26,13 @@ if TYPE_CHECKING:
 
     from viscera.organ import Organ
 
+log = logging.getLogger("viscera")
 ELEMENTS = tuple(name for name, _ in _core.elements())
 ROUNDING = 1e-9
 """Rounding allowed in Poisson's ratio, which a law computes from other parameters: 0.45 must count as 0.45."""
+POSITIVE = Number("m", above=0)
+NARROW = 0.5
+"""Radius of a contact over the mean edge of the surface, below which every patch is a node or a triangle's corners."""
 
 
 class Supported(Pictured):
@@ -78,7 +83,8 @@ class Supported(Pictured):
 
         Both may be given in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
         In `solve` a patch can take the place of a node set: to prescribe its mean displacement, or to spread a force
-        over it.
+        over it. A radius below half the mean edge of the surface there is taken with a warning: such a patch is a node
+        or the corners of a triangle, and its force depends on the mesh.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -87,7 +93,11 @@ class Supported(Pictured):
         >>> state.reaction(patch)[2].round(3).item()
         -0.789
         """
-        return self._body.patch(point_of(point, self.mesh, "contact point"), self._length("radius", radius))
+        metres = self._length("radius", radius)
+        patch = self._body.patch(point_of(point, self.mesh, "contact point"), metres)
+        if len(patch.nodes) <= 3:  # else it is wide enough, and no surface need be looked at
+            self._warn_if_narrow(metres, patch.nodes)
+        return patch
 
     def touchable(self, where: Where | None = None, radius: float | str | None = None) -> Indices:
         """The free surface nodes of a place; by default all that are farther than `radius` [m] from fixed nodes.
@@ -124,13 +134,24 @@ class Supported(Pictured):
         parts = {name: _core.surface(mesh.points, mesh.cells[cells]) for name, cells in mesh.cell_sets.items()}
         return draw_rest(mesh.points, mesh.surface, fixed=self.fixed, parts=parts, title=title, path=path)
 
-    def _length(self, name: str, value: float | str) -> float:
-        metres = length(value, self.mesh.diagonal, name)
-        if not 0.0 < metres <= self.mesh.diagonal:
-            raise VisceraError(
-                f"{name} is {metres:g} m; it must be positive and at most the organ's diagonal, "
-                f"{self.mesh.diagonal:g} m"
+    def _warn_if_narrow(self, radius: float, nodes: Indices) -> None:
+        """A warning if contacts at these nodes of the surface are narrower than the mesh can show."""
+        surface, points = self.mesh.surface, self.mesh.points
+        near = surface[np.isin(surface, nodes).any(axis=1)]
+        edge = float(np.linalg.norm(points[near] - points[np.roll(near, 1, axis=1)], axis=2).mean())
+        if radius < NARROW * edge:
+            log.warning(
+                "the radius of the contact is %.3g mm, and edges of the surface are %.3g mm long in the mean: the "
+                "contact is at single nodes, and its force depends on the mesh; enlarge the radius, or refine the mesh",
+                1e3 * radius,
+                1e3 * edge,
             )
+
+    def _length(self, name: str, value: float | str) -> float:
+        metres = length(value, self.mesh.diagonal, name, POSITIVE)
+        if metres > self.mesh.diagonal:
+            whole = self.mesh.diagonal
+            raise VisceraError(f"{name} is {metres:g} m; it may be at most the organ's diagonal, {whole:g} m")
         return metres
 
     @property

@@ -24,7 +24,7 @@ from viscera.select import Lengths, has_words, length, offset
 from viscera.select import point as point_of
 from viscera.stored import Stored
 from viscera.ties import Ties
-from viscera.vary import law_at
+from viscera.vary import UNITS, law_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,8 +86,10 @@ class Touch(Stored, Pictured):
         with replacing(model_path(path)) as scratch:
             scratch.write_bytes(self._model.to_bytes())
 
-    def at(self, value: float) -> Touch:
+    def at(self, value: float | str) -> Touch:
         """The model at another value of its parameter (see `Organ.reduce(vary=)`).
+
+        value: within the range; a radius [m] may be given in words such as "12 mm".
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -100,13 +102,16 @@ class Touch(Stored, Pictured):
         if parameter is None:
             raise VisceraError("this model has no parameter to set; reduce with vary=")
         name, (low, high) = parameter["name"], parameter["range"]
+        if name == "radius" and isinstance(value, str):
+            value = length(value, self.mesh.diagonal, name)
+        value = Number(UNITS.get(name, ""))(value, name)
         if not low <= value <= high:
             raise VisceraError(f"this model covers {name} from {low:g} to {high:g}, not {value:g}")
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
         if name != "radius":
             cells = self._model.array("parameter_cells")
             full = law_at(full, name, value, cells, len(self._model.array("cells")))
-        return Touch(self._model.at(float(value), full.parameters.ravel().tolist()))
+        return Touch(self._model.at(value, full.parameters.ravel().tolist()))
 
     def compressed(self, tolerance: float) -> Touch:
         """The model with fewer modes: a smaller file and faster fields; forces and their trust stay the same.
@@ -298,7 +303,7 @@ class Touch(Stored, Pictured):
         return draw_rest(mesh.points, mesh.surface, fixed=none, parts={"touchable": self.touchable_triangles})
 
     def view(self, name: str = "Organ", height: int = 560) -> Any:
-        """Show the touchable organ in a notebook (`pip install viscera[notebook]`); elsewhere, use `viscera view`.
+        """Show the touchable organ in a notebook (`pip install anywidget`); elsewhere, use `viscera view`.
 
         name: text above the organ; height: of the view, in pixels.
 

@@ -19,7 +19,8 @@ from viscera.select import length
 if TYPE_CHECKING:
     from viscera.organ import Organ
 
-PARAMETERS = ("young", "poisson", "radius")
+UNITS = {"young": "Pa", "poisson": "", "radius": "m"}
+PARAMETERS = tuple(UNITS)
 NODES = Whole(2, 12)
 
 

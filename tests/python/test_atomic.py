@@ -50,6 +50,16 @@ def test_a_missing_folder_and_a_folder_in_the_way_are_named(tmp_path: Path) -> N
         put(tmp_path / "file" / "under", "")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a folder in use cannot be removed there")
+def test_a_working_folder_that_was_removed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(vs.VisceraError, match=r"the working folder was removed; change to one that exists"):
+        writable("model.viscera")
+
+
 def test_a_file_that_cannot_be_opened_is_named_as_it_was_asked_for(tmp_path: Path) -> None:
     """The scratch file, of which nobody has heard, stays out of the sentence."""
     target = tmp_path / f"model.{'x' * 240}"  # a name so long that none longer can be made, which nothing says before

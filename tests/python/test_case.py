@@ -117,6 +117,16 @@ def test_the_same_place_in_other_words_may_not_contradict(folder: Path) -> None:
         case.solve(case.organ())
 
 
+def test_a_mark_of_the_byte_order_is_skipped_and_another_coding_is_named(folder: Path) -> None:
+    """As Windows' editors write them."""
+    path = folder / "case.toml"
+    path.write_text(GOOD, encoding="utf-8-sig")
+    assert read_case(path).mesh == "bar.vtu"
+    path.write_text(GOOD, encoding="utf-16")
+    with pytest.raises(vs.VisceraError, match=r"case.toml: not in UTF-8 \(byte 0: .*\); save it as UTF-8"):
+        read_case(path)
+
+
 def test_a_missing_case_file(tmp_path: Path) -> None:
     with pytest.raises(vs.VisceraError, match=r"none\.toml: no such case file"):
         read_case(tmp_path / "none.toml")
@@ -173,6 +183,18 @@ def test_wrong_parts_are_named(folder: Path, bar: vs.Mesh, part: str, words: str
     bar.with_cell_sets(nodule=lambda x: x[:, 0] > 0.3).write(folder / "bar.vtu")
     with pytest.raises(vs.VisceraError, match=words):
         read_case(case_with(folder, "[loads]", f"{part}\n[loads]")).organ()
+
+
+def test_of_parts_that_overlap_the_later_counts_and_one_with_a_law_over_those_without(folder: Path) -> None:
+    def mu(parts: str) -> list[float]:
+        law = read_case(case_with(folder, "[loads]", f"{parts}\n[loads]")).organ().law
+        return sorted({float(row) for row in law.core().moduli()[:, 0].round(3)})
+
+    soft, stiff = '[material."x > 50%"]\nyoung = 2e5', '[material."x > 40%"]\nyoung = 4e5'
+    assert mu(f"{soft}\n{stiff}") == pytest.approx([1e5 / 2.6, 4e5 / 2.6])
+    assert mu(f"{stiff}\n{soft}") == pytest.approx([1e5 / 2.6, 2e5 / 2.6, 4e5 / 2.6])
+    other = '[material."x > 30%"]\nlaw = "Fung"\nmu = 7e3\nb = 2.0\npoisson = 0.3'
+    assert mu(f"{other}\n{soft}") == pytest.approx([7e3, 1e5 / 2.6])
 
 
 def test_surface_loads_in_a_case(folder: Path, bar: vs.Mesh) -> None:

@@ -266,7 +266,9 @@ def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) ->
         (["reduce", *MESH, "--law", "MooneyRivlin"], "material MooneyRivlin: "),
         (["reduce", *MESH, "--fixed", "rot"], "did you mean 'root'"),
         (["reduce", *MESH, "--fixed", "x < 3"], "3 has no unit"),
-        (["reduce", *MESH, "--depth", "0"], "depth in [reduce] must be a number above 0"),
+        (["reduce", *MESH, "--depth", "0"], "depth in [reduce] must be a number above 0 and at most 1000 [m], got 0.0"),
+        (["reduce", *MESH, "--depth", "5000"], "must be a number above 0 and at most 1000 [m], got 5000.0"),
+        (["solve", "organ:beam"], "viscera solve: organ:beam: a built-in organ is a mesh, not a case file; "),
         (["reduce", *MESH, "--depth", "-5%"], "depth in [reduce] must be a number above 0"),
         (["reduce", *MESH, "--depth", "101%"], "at most the organ's diagonal"),
         (["reduce", *MESH, "--radius", "wide"], "radius in [reduce] 'wide' is not a length"),
@@ -356,7 +358,17 @@ def test_a_case_without_loads_says_that_nothing_acts(folder: Path, capsys: pytes
     (folder / "still.toml").write_text(words, encoding="utf-8")
     code, out, _ = run("solve", "still.toml", capsys=capsys)
     assert code == 0
+    assert "still.toml: converged, 1 iteration in " in out
     assert "nothing acts on the organ" in out
+
+
+def test_cells_that_are_inside_out_are_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = 'mesh = "bar.vtu"\nunits = "m"\nfixed = "root"\nmaterial = {law = "Linear", mu = 1e5, lam = 0.0}\n'
+    words += "[loads.displacement]\ntip = [-0.8, 0, 0]\n"
+    (folder / "turned.toml").write_text(words, encoding="utf-8")
+    code, out, _ = run("solve", "turned.toml", capsys=capsys)
+    assert code == 0
+    assert "\n  192 of 192 cells are inside out\n" in out
 
 
 def test_a_push_of_no_size_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

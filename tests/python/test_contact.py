@@ -159,6 +159,8 @@ def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
     closed = block(1)
     refusals: dict[str, Callable[[], object]] = {
         "a length above 0": lambda: vs.Sphere(-0.01),
+        "radius of a sphere: a percentage of what": lambda: vs.Sphere("10%"),
+        "rounding of a box: a percentage of what": lambda: vs.Box((0.1, 0.1, 0.1), rounding="10%"),
         "rounding of a box is 0.1": lambda: vs.Box((0.1, 0.1, 0.1), rounding=0.1),
         "not closed": lambda: vs.Shape((closed.points, closed.surface[1:])),
         "inside out": lambda: vs.Shape((closed.points, closed.surface[:, ::-1])),

@@ -101,9 +101,13 @@ def test_a_curve_ends_where_the_law_is_crushed() -> None:
         ("uniaxail", (0.5, 2.0), "did you mean 'uniaxial'"),
         ("uniaxial", (1.1, 2.0), "must hold the state of rest, 1"),
         ("uniaxial", (0.0, 2.0), "stretches must be positive, got 0"),
+        ("uniaxial", (0.5,), r"range of a curve must be two finite numbers, such as \(0.6, 1.6\), got \(0.5,\)"),
+        ("uniaxial", "ab", "range of a curve must be two finite numbers"),
+        ("uniaxial", (0.5, np.inf), "range of a curve must be two finite numbers"),
+        (None, (0.5, 2.0), "the deformation None is unknown; known: 'equibiaxial'"),
     ],
 )
-def test_curves_that_are_refused(mode: str, stretch: tuple[float, float], words: str) -> None:
+def test_curves_that_are_refused(mode: Any, stretch: Any, words: str) -> None:
     with pytest.raises(vs.VisceraError, match=words):
         curve(vs.NeoHookean(young=1.0, poisson=0.3), mode, stretch)
 

@@ -130,6 +130,7 @@ def test_what_cannot_be_fitted_is_said() -> None:
             vs.Ogden, vs.MaterialTest("uniaxial", [1, 1.1, 1.2], [0, 1, 2]), terms=3
         ),
         "all stresses are zero": lambda: vs.fit(vs.Yeoh, vs.MaterialTest("uniaxial", [1, 1.1, 1.2], [0, 0, 0])),
+        "all points are at rest": lambda: vs.fit(vs.Yeoh, vs.MaterialTest("simple shear", [0, 0], [1, 2])),
         "it must lie above -1 and below 0.5": lambda: vs.fit(vs.Yeoh, line, poisson=0.5),
         "1 positive numbers, one for each test": lambda: vs.fit(vs.Yeoh, line, weights=[1.0, 2.0]),
         "weights must be": lambda: vs.fit(vs.Yeoh, line, weights="a"),  # type: ignore[arg-type]
@@ -261,10 +262,59 @@ def test_the_verb_ranks_the_laws_that_a_short_test_determines(
     printed, facts = capsys.readouterr().out, json.loads(report.read_text())
     assert [len(found["parameters"]) for found in facts["fits"]].count(2) == 3
     assert facts["left_out"] == [
-        f"Ogden has {count} parameters; 4 measured points cannot determine them" for count in (4, 6)
+        "Yeoh has as many parameters as there are points off rest, 3",
+        *(f"Ogden has {count} parameters; points at 3 stretches off rest cannot determine them" for count in (4, 6)),
     ]
     assert all(f"left out: {reason}\n" in printed for reason in facts["left_out"])
     assert main(["fit", str(curve), "--law", "Ogden", "--terms", "2"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ([(1, 0), (1, 0), (1, 0), (1.1, 100)], 1),
+        ([(1, 0), (1.1, 100), (1.1, 100), (1.2, 250)], 2),
+        ([(1.1, 100), (1.1, 103), (1.1, 98)], 1),
+    ],
+)
+def test_points_that_say_nothing_determine_no_parameter(rows: list[tuple[float, float]], told: int) -> None:
+    """Points at rest, and points measured twice: by the stretches that are left."""
+    stretch, stress = np.array(rows).T
+    test = vs.MaterialTest("uniaxial", stretch, stress)
+    with pytest.raises(vs.VisceraError, match=f"Yeoh has 3 parameters; points at {told} stretch.* off rest cannot"):
+        vs.fit("Yeoh", test, terms=3)
+    found = vs.fit("Yeoh", test, terms=1)
+    assert found.is_ranked == (len({row for row in rows if row[0] != 1.0}) > 1)
+
+
+def test_a_law_through_all_points_has_no_interval_and_no_rank(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("stretch,stress\n1,0\n1.1,100\n1.2,250\n")
+    words = ["fit", str(tmp_path / "a.csv"), "--json", str(tmp_path / "r.json")]
+    assert main(words) == 0
+    facts = json.loads((tmp_path / "r.json").read_text())
+    assert [found["law"] for found in facts["fits"]] == ["NeoHookean"]
+    assert "best by AIC: NeoHookean(" in capsys.readouterr().out
+    assert main([*words, "--law", "Yeoh", "--terms", "2"]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert (found["standard_error"], found["aic"]) == (None, None)
+    assert list(found["intervals"].values()) == [None, None]
+    printed = capsys.readouterr().out
+    assert "not ranked: Yeoh(" in printed
+    assert printed.count("no interval: as many parameters as points") == 2
+
+
+def test_repeated_points_narrow_no_interval() -> None:
+    test = noisy("uniaxial", vs.Yeoh(500.0, 80.0, 20.0, poisson=0.49), 10.0)
+    twice = vs.MaterialTest("uniaxial", np.tile(test.stretch, 2), np.tile(test.stress, 2))
+    padded = vs.MaterialTest("uniaxial", [*test.stretch, *[1.0] * 20], [*test.stress, *[0.0] * 20])
+    once = vs.fit("Yeoh", test)
+    for found in (vs.fit("Yeoh", twice), vs.fit("Yeoh", padded)):
+        assert found.aic == pytest.approx(once.aic)
+        assert found.standard_error == pytest.approx(once.standard_error)
+        for name, band in once.intervals.items():
+            assert found.intervals[name] == pytest.approx(band)
 
 
 def test_the_verb_says_that_no_law_follows_a_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -175,6 +175,8 @@ def test_frames_that_break_off_close_the_jaws_once(organ: vs.Organ, monkeypatch:
 Act = Callable[[vs.Stepper, vs.Forceps], object]
 REFUSED: list[tuple[str, Act]] = [
     ("the jaw of forceps must be", lambda stepper, forceps: stepper.forceps(vs.HalfSpace(), opening=0.1)),  # type: ignore[arg-type]
+    ("opening of forceps: a percentage of what", lambda stepper, forceps: stepper.forceps(JAW, opening="10%")),
+    ("forceps close by: a percentage of what", lambda stepper, forceps: forceps.close("10%")),
     ("the opening of forceps must be", lambda stepper, forceps: stepper.forceps(JAW, opening=-0.1)),
     (
         "a box, starts .* inside",

@@ -201,6 +201,16 @@ def test_other_elements_there_and_back(bar: vs.Mesh, element: str) -> None:
     assert np.abs(rest.organ.mesh.points - organ.mesh.points).max() < 1e-8 * bar.diagonal
 
 
+def test_a_state_of_another_organ_is_not_counted_from_the_scan(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=4e5, poisson=0.3), fixed="root")
+    rest = organ.unloaded(gravity=DOWN, density=DENSITY)
+    with pytest.raises(vs.VisceraError, match="not one of the unloaded organ: its mesh has other points"):
+        rest.from_scan(organ.solve(gravity=DOWN, density=DENSITY))
+    frame: Any = rest.organ.stepper().frame()
+    with pytest.raises(vs.VisceraError, match="the state to count from the scan must be a State"):
+        rest.from_scan(frame)
+
+
 @pytest.mark.parametrize("element", ["P1", "P2"])
 def test_the_scanned_posture_is_no_displacement_at_midpoints_either(bar: vs.Mesh, element: str) -> None:
     """They are bent away from the straight edges between the corners that the scan shows."""

@@ -273,11 +273,12 @@ def test_the_touchable_surface_keeps_clear_of_the_fixed_nodes(clamped: Organ) ->
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"depth": 0.0}, "depth is 0 m"),
-        ({"depth": -0.01}, "depth is -0.01 m"),
-        ({"depth": 1.0}, "depth is 1 m; it must be positive and at most the organ's diagonal, 0.424264 m"),
+        ({"depth": -0.01}, r"depth must be a number above 0 and at most 1000 \[m\], got -0.01"),
+        ({"depth": 1.0}, "depth is 1 m; it may be at most the organ's diagonal, 0.424264 m"),
+        ({"depth": 5000.0}, r"depth must be a number above 0 and at most 1000 \[m\], got 5000.0"),
+        ({"depth": 0.0}, r"depth must be a number above 0 and at most 1000 \[m\], got 0.0"),
         ({"depth": np.nan}, "depth must be a number"),
-        ({"radius": 0.0}, "radius is 0 m"),
+        ({"radius": 0.0}, "radius must be a number above 0"),
         ({"order": 0}, "order must be a whole number from 2 to 8, got 0"),
         ({"order": 2.5}, "order must be a whole number"),
         ({"tolerance": 0.0}, "tolerance must be a number above 0 and below 1, got 0.0"),
@@ -288,6 +289,22 @@ def test_the_touchable_surface_keeps_clear_of_the_fixed_nodes(clamped: Organ) ->
 def test_reductions_that_are_refused(clamped: Organ, options: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         clamped.reduce(**options)
+
+
+def test_a_contact_narrower_than_the_mesh_is_taken_with_a_warning(
+    clamped: Organ, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its edges are 50 mm long, and diagonals of 71 mm."""
+    told = "mm, and edges of the surface are 56.9 mm long in the mean: the contact is at single nodes"
+    clamped.patch((0.3, 0.05, 0.1), 0.03)
+    clamped.reduce("tip", radius=0.03, depth=0.01, order=2)
+    assert caplog.text == ""
+    clamped.patch((0.3, 0.05, 0.1), 1e-9)
+    assert f"the radius of the contact is 1e-06 {told}" in caplog.text
+    clamped.reduce("tip", radius=0.02, depth=0.01, order=2)
+    assert f"the radius of the contact is 20 {told}" in caplog.text
+    clamped.reduce("tip", depth=0.01, order=2, vary=vs.Vary("radius", 0.01, 0.08, nodes=2))
+    assert f"the radius of the contact is 10 {told}" in caplog.text
 
 
 def test_an_organ_at_rest_is_drawn(bar: vs.Mesh, tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -50,5 +52,11 @@ def test_paths_that_are_refused(bar: vs.Mesh) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
     with pytest.raises(vs.VisceraError, match="parameter 'time' is unknown; known: 'arc length', 'load'"):
         organ.path(force={"tip": (0, 0, -1)}, parameter="time")
-    with pytest.raises(vs.VisceraError, match="order must be a whole number from 2"):
-        organ.path(force={"tip": (0, 0, -1)}, order=1)
+    for order in (1, 31):
+        with pytest.raises(vs.VisceraError, match=f"order must be a whole number from 2 to 30, got {order}"):
+            organ.path(force={"tip": (0, 0, -1)}, order=order)
+    path = organ.path(force={"tip": (0, 0, -1)}, order=30)
+    samples: Any
+    for samples in (-1, 1, "a"):
+        with pytest.raises(vs.VisceraError, match="samples must be a whole number from 2"):
+            path.curve(samples)

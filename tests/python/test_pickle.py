@@ -5,12 +5,14 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Callable
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.contact import AnyShape
 
 
 def pickled(thing: Any) -> Any:
@@ -25,6 +27,40 @@ copies = pytest.mark.parametrize("again", COPIES)
 def organ(bar: vs.Mesh) -> vs.Organ:
     young = bar.per_cell(1e5, {"x > 50%": 3e5})
     return vs.Organ(bar.with_cell_sets(stiff="x > 50%"), vs.NeoHookean(young=young, poisson=0.3), "root", element="P2")
+
+
+@copies
+def test_a_mesh_keeps_all_that_it_tells(bar: vs.Mesh, again: Callable[[Any], Any]) -> None:
+    mesh = replace(bar.with_cell_sets(stiff="x > 50%").quadratic(), axes="LPS", messages=("doubtful",))
+    other: vs.Mesh = again(mesh)
+    for each in fields(vs.Mesh):
+        assert repr(getattr(other, each.name)) == repr(getattr(mesh, each.name)), each.name
+    assert np.array_equal(other.points, mesh.points)
+    assert other.axes == again(vs.Organ(mesh, vs.Linear(young=1e5, poisson=0.3), "root")).mesh.axes == "LPS"
+
+
+@copies
+def test_a_scene_with_bodies_of_every_shape(bar: vs.Mesh, again: Callable[[Any], Any]) -> None:
+    shapes: list[AnyShape] = [
+        vs.Sphere(0.03),
+        vs.Capsule(0.02, 0.05),
+        vs.Box((0.1, 0.2, 0.3), rounding=0.01),
+        vs.HalfSpace(),
+        vs.Shape(bar),
+    ]
+    at = (1.0, 0.05, -1.0)
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), "root")
+    pusher = vs.Tool(shapes[0], position=(0.35, 0.05, 0.14), displacement=(0, 0, -0.02), friction=0.3)
+    scene = vs.Scene({"bar": organ}, bodies=[pusher, *(vs.Tool(shape, position=at) for shape in shapes[1:])])
+    other: vs.Scene = again(scene)
+    points = np.random.default_rng(0).uniform(-0.2, 0.4, (50, 3))
+    for tool, copied in zip(scene.bodies, other.bodies, strict=True):
+        assert repr(copied) == repr(tool)
+        assert np.array_equal(copied.shape._core.distance(points), tool.shape._core.distance(points))
+    state = scene.solve()
+    felt, pushed = again((state, pusher))
+    assert felt.force(pushed).tolist() == state.force(pusher).tolist()
+    assert state.force(pusher)[2] < -0.1
 
 
 @copies

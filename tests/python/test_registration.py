@@ -171,6 +171,17 @@ def test_what_was_not_seen_is_said(organ: vs.Organ, cloud: Floats) -> None:
     assert found.band[organ.mesh.sets["tip"]].mean() > 1.5 * np.median(found.band[organ.mesh.points[:, 0] < -0.03])
 
 
+def test_points_on_one_flat_face_leave_the_organ_free_to_slide(bar: vs.Mesh) -> None:
+    """They say how high the face is, and that nobody knows where along it the organ lies."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    places = np.random.default_rng(2).uniform(size=(200, 3)) * [0.1, 0.1, 0.0] + [0.0, 0.0, 0.105]
+    found = organ.register(places, noise="1 mm")
+    assert found.status == "partly observed"
+    assert not found.is_observed.any()
+    assert found.band.min() > bar.diagonal
+    assert found.displacement[bar.nodes("z > 99%"), 2] == pytest.approx(0.005, abs=1e-3), "within the noise"
+
+
 def test_it_can_be_written_probed_and_drawn(organ: vs.Organ, found: vs.Registered, tmp_path: Path) -> None:
     found.write(tmp_path / "found.vtu")
     data = meshio.read(tmp_path / "found.vtu").point_data
@@ -380,6 +391,10 @@ def test_a_swing_without_deformation_counts_less_than_a_deformation() -> None:
     assert (wrong_by_model(x, bent) > MODEL * 0.099 * np.linalg.norm(x - x.mean(axis=0), axis=1)).all()
 
 
+LINE = np.outer(np.linspace(0.0, 0.2, 50), [1.0, 2.0, 0.5])
+"""Points on a line, as long as the organ."""
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -389,6 +404,15 @@ def test_a_swing_without_deformation_counts_less_than_a_deformation() -> None:
         ({"surface": [[0.0, 0.0]] * 30}, r"surface must be an array \(k, 3\)"),
         ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 100}, "are both in metres"),
         ({"surface": np.random.default_rng(0).normal(size=(9, 3)) * 0.1}, "9 surface points are too few"),
+        ({"surface": LINE}, "50 points, lies on one line or in one place, about which the organ may be turned"),
+        ({"surface": LINE, "start": np.eye(4)}, "lies on one line or in one place"),
+        ({"surface": LINE[[0, -1]].repeat(25, axis=0)}, "lies on one line or in one place"),
+        ({"surface": np.zeros((50, 3))}, "lies on one line or in one place"),
+        (
+            {"surface": np.append(LINE, [[0.1, 0, 0]], axis=0), "weights": (np.arange(51) < 50).astype(float)},
+            "lies on one line",
+        ),
+        ({"surface": LINE[[0, -1]]}, "2 surface points are too few"),
         ({"landmarks": {"tipp": (0, 0, 0)}}, "no node set is called 'tipp'; did you mean 'tip'"),
         ({"landmarks": {"tip": (0, 0, np.inf)}}, "landmark 'tip' must be"),
         ({"landmarks": {"tip": (0, 0, 0)}}, "do not fix a rigid motion"),

@@ -437,7 +437,7 @@ def test_what_is_of_the_wrong_kind_is_refused_in_words(tmp_path: Path, words: st
     ("content", "sentence"),
     [
         (b"mesh = " + b"[" * 100_000, "not a TOML file"),
-        (b"mesh = \xff", "not a TOML file"),
+        (b"mesh = \xff", "not in UTF-8"),
         (b"mesh = 1" + b"0" * 5000, "not a TOML file|mesh must be words"),
     ],
 )

@@ -112,4 +112,11 @@ def test_what_is_no_series_is_refused(organ: vs.Organ, cube: vs.Mesh, tmp_path: 
         vs.write_series(tmp_path / "series.vtu", [(0.0, state)])
     with pytest.raises(vs.VisceraError, match="257 moments; glTF viewers take at most 256"):
         vs.write_series(tmp_path / "long.glb", [(float(k), state) for k in range(257)])
+    wrong: Any
+    for wrong in ({0: state}, "ab", iter([(0.0, state)])):
+        with pytest.raises(vs.VisceraError, match="the moments of a series must be a list of pairs"):
+            vs.write_series(tmp_path / "wrong.pvd", wrong)
+    for wrong in (state, (0.0, state.displacement), (0.0,), (0.0, state, state)):
+        with pytest.raises(vs.VisceraError, match="moment 1 of a series must be a pair of a time and a state"):
+            vs.write_series(tmp_path / "wrong.pvd", [(0.0, state), wrong])
     assert not list(tmp_path.iterdir())

@@ -1,5 +1,8 @@
 """Springs and cables between places: closed forms, solvers, frames, scenes, and refusals."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -63,6 +66,29 @@ def test_a_cable_bears_no_compression() -> None:
     assert abs(beam(long).solve(force=load).displacement - free.displacement).max() < 1e-9
 
 
+def test_a_percentage_of_a_spring_is_of_the_diagonal_of_the_mesh(tmp_path: Path) -> None:
+    """It pulls as at that length in metres; a case file has it in metres, and on a longer beam it is longer."""
+    mesh = vs.organs.beam()
+    ends: dict[str, Any] = {"point": (1.0, 0.1, 0.6), "stiffness": 100.0}
+    share, metres = vs.Spring("tip", **ends, length="10%"), vs.Spring("tip", **ends, length=0.1 * mesh.diagonal)
+    forces = [beam(spring).solve().support_force(spring) for spring in (share, metres)]
+    assert forces[0] == pytest.approx(forces[1])
+    assert forces[0][2] > 10.0
+    longer = vs.mesh(2.0 * mesh.points, mesh.cells, mesh.sets)
+    assert share.on(mesh).ties(longer).links[0].length == pytest.approx(0.1 * mesh.diagonal)
+    assert share.ties(longer).links[0].length == pytest.approx(0.2 * mesh.diagonal)
+    bond = vs.Spring("beam/tip", **ends, length="10%")
+    case = vs.Scene({"beam": beam()}, bonds=[bond]).to_case(tmp_path / "sprung.toml")
+    assert case.springs[0]["length"] == pytest.approx(0.1 * mesh.diagonal)
+
+
+def test_a_tightened_spring_acts_by_itself() -> None:
+    ends: dict[str, Any] = {"point": (1.0, 0.1, 0.6), "stiffness": 100.0}
+    tight, slack = vs.Spring("tip", **ends, length=0.3), vs.Spring("tip", **ends, length=2.0, cable=True)
+    for spring, words in ((tight, "converged in"), (slack, "nothing acts"), (vs.Spring("tip", **ends), "nothing acts")):
+        assert beam(spring).solve().message.startswith(words)
+
+
 def test_a_spring_between_organs_of_a_scene() -> None:
     other = vs.organs.beam()
     lifted = vs.mesh(other.points + np.array([0.0, 0.0, 0.5]), other.cells, other.sets)
@@ -97,6 +123,8 @@ def test_series_refuse_springs() -> None:
         ({"stiffness": -1.0, "second": "clamp"}, "the stiffness of a spring must be a number above 0"),
         ({"stiffness": 1.0, "point": (0, 0, np.nan)}, "the point of a spring must be"),
         ({"stiffness": 1.0, "second": "clamp", "length": -0.1}, "must not be negative"),
+        ({"stiffness": 1.0, "second": "clamp", "length": "-10%"}, "length of a spring is '-10%'; it must not be"),
+        ({"stiffness": 1.0, "second": "clamp", "length": "long"}, "the length of a spring 'long' is not a length"),
         ({"stiffness": 1.0, "second": "clamp", "cable": 1}, "cable must be true or false"),
     ],
 )

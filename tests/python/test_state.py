@@ -175,6 +175,46 @@ def test_writing_where_nothing_can_be_written(state: vs.State, tmp_path: Path) -
     assert list(tmp_path.iterdir()) == []
 
 
+def test_every_deformed_shape_is_written(bar: vs.Mesh, state: vs.State, tmp_path: Path) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    frame = organ.stepper(iterations=10).frame(force={"tip": (5.0, 0.0, 0.0)})
+    touch = organ.reduce("z > 99% and x > 70%", order=2)
+    shapes: dict[str, Any] = {
+        "frame": frame,
+        "moved": organ.moved(state),
+        "answer": touch((0.38, 0.05, 0.1), (0, 0, -0.001)),
+    }
+    for name, shape in shapes.items():
+        shape.write(tmp_path / f"{name}.vtu")
+        grid = meshio.read(tmp_path / f"{name}.vtu")
+        assert grid.point_data["displacement"] == pytest.approx(shape.displacement), name
+        assert grid.cell_data["von_mises"][0] == pytest.approx(shape.von_mises()), name
+        assert ("reaction" in grid.point_data) == (name == "frame")
+    reaction = meshio.read(tmp_path / "frame.vtu").point_data["reaction"]
+    assert reaction[bar.nodes("root")].sum(axis=0) == pytest.approx(frame.reaction("root"))
+
+
+@pytest.mark.parametrize("law", [vs.StableNeoHookean(young=1e4, poisson=0.3), vs.Linear(young=1e4, poisson=0.3)])
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_cells_that_are_inside_out_are_counted(cube: vs.Mesh, law: vs.laws.Law, element: str, tmp_path: Path) -> None:
+    """These laws allow it: the top is led past the bottom, and with a stress that is no longer defined it is said."""
+    organ = vs.Organ(cube, law, fixed="bottom", element=element)
+    turned = organ.mesh.points * [0.0, 0.0, -1.5]
+    state = organ.solve(displacement={"top": (0, 0, -0.15)}, start=turned)
+    assert state.is_converged
+    J = np.linalg.det(organ._body.responses(state.displacement)[0])
+    count = int((J <= 0.0).any(axis=1).sum())
+    assert count > 0
+    words = f"{count} of {len(cube.cells)} cells are inside out"
+    is_linear = isinstance(law, vs.Linear)
+    assert state.message.endswith(words if is_linear else f"; {words}, and files hold no stress")
+    state.write(tmp_path / "turned.vtu")
+    assert ("cauchy_stress" in meshio.read(tmp_path / "turned.vtu").cell_data) == is_linear
+    frame = organ.stepper({"top": (0, 0, -0.15)}, start=state).frame()
+    assert words in repr(frame)
+    assert "inside out" not in organ.solve(displacement={"top": (0, 0, -0.01)}).message
+
+
 def test_a_plot_is_a_png(state: vs.State, tmp_path: Path) -> None:
     figure = state.plot(tmp_path / "state.png")
     assert (tmp_path / "state.png").read_bytes().startswith(b"\x89PNG")

@@ -89,6 +89,8 @@ def test_the_contact_radius(bar: vs.Mesh) -> None:
     organ = organ_of(bar, 1e5)
     touch = organ.reduce(**TOP, vary=vs.Vary("radius", 0.06, 0.09, nodes=5))
     assert touch.radius == pytest.approx(0.07)
+    assert touch.parameter == {"name": "radius", "value": 0.07, "range": [0.06, 0.09]}
+    assert touch.at("80 mm").radius == touch.at(0.08).radius == 0.08
     for radius in (0.06, 0.08, 0.09):
         other = touch.at(radius)
         assert other.radius == radius
@@ -128,6 +130,8 @@ def test_ranges_that_are_none(words: Any, sentence: str) -> None:
 def test_what_a_model_cannot_be_set_to(touch: vs.Touch, bar: vs.Mesh) -> None:
     with pytest.raises(vs.VisceraError, match=r"this model covers young from 50000 to 2e\+06, not 1000"):
         touch.at(1e3)
+    with pytest.raises(vs.VisceraError, match=r"young must be a number .* got '50 mm'"):
+        touch.at("50 mm")
     organ = organ_of(bar, 1e5)
     plain = organ.reduce(**TOP)
     with pytest.raises(vs.VisceraError, match="no parameter to set"):

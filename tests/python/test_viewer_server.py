@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import subprocess
@@ -59,6 +60,18 @@ def send(server: Server, data: bytes, *, hangs_up: bool = False) -> bytes:
 def test_its_own_page_is_served(server: Server) -> None:
     for path, content in {"": FILES["index.html"], **FILES, "viewer.js?v=1": FILES["viewer.js"]}.items():
         assert get(server.url + path) == (200, content)
+
+
+def test_an_address_without_its_last_stroke_leads_to_the_page(server: Server) -> None:
+    """Else a browser would look for the files of the page beside its folder, and show nothing."""
+    folder = urllib.parse.urlsplit(server.url).path
+    for query in ("", "?gpu=never"):
+        lines = f"GET {folder[:-1]}{query} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n"
+        answer = send(server, lines.encode()).decode()
+        assert " 301 " in answer.splitlines()[0]
+        assert f"\r\nLocation: {folder}{query}\r\n" in answer
+    with urllib.request.urlopen(server.url[:-1], timeout=10) as response:
+        assert (response.url, response.read()) == (server.url, FILES["index.html"])
 
 
 def test_headers_keep_the_page_to_itself(server: Server) -> None:
@@ -271,6 +284,29 @@ def test_ctrl_c_closes_the_viewer(model: Path, built: None) -> None:
         out, errors = viewer.communicate(timeout=20)
     assert (viewer.returncode, errors) == (0, "")
     assert "the viewer is closed" in out
+
+
+def test_a_browser_in_the_terminal_gets_the_page(model: Path, built: None, tmp_path: Path) -> None:
+    """Such a browser returns when it is left, and the page was served only then."""
+    browser, seen, left = (tmp_path / name for name in ("browser", "seen", "left"))
+    browser.write_text(
+        f"#!{sys.executable}\n"
+        "import pathlib, sys, time, urllib.request\n"
+        "status = urllib.request.urlopen(sys.argv[1], timeout=20).status\n"
+        f"pathlib.Path({str(seen)!r}).write_text(str(status))\n"
+        f"while not pathlib.Path({str(left)!r}).exists():\n"
+        "    time.sleep(0.05)\n"
+    )
+    browser.chmod(0o755)
+    words = [sys.executable, "-m", "viscera", "view", str(model)]
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, env=os.environ | {"BROWSER": str(browser)}) as viewer:
+        latest = time.monotonic() + 40
+        while not seen.exists() and time.monotonic() < latest:
+            time.sleep(0.05)
+        viewer.send_signal(signal.SIGINT)
+        code = viewer.wait(timeout=20)
+        left.touch()
+    assert (seen.read_text(), code) == ("200", 0)
 
 
 def test_the_page_is_served_with_its_model(model: Path, built: None) -> None:

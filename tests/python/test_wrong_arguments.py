@@ -167,7 +167,7 @@ Make = Callable[[vs.Organ], Any]
         (lambda o: o.reduce("tip", memory="2 GB"), r"memory must be a number above 0 .*, got '2 GB'"),
         (lambda o: o.reduce("tip", radius="wide"), "radius 'wide' is not a length"),
         (lambda o: o.reduce("tip", radius=[0.1]), r"radius must be a number .*, got \[0.1\]"),
-        (lambda o: o.path(force={"tip": (0, 0, 1)}, order="2"), "order must be a whole number from 2 to 100, got '2'"),
+        (lambda o: o.path(force={"tip": (0, 0, 1)}, order="2"), "order must be a whole number from 2 to 30, got '2'"),
         (lambda o: o.path(force={"tip": (0, 0, 1)}, until=True), "until must be a number"),
         (lambda o: o.pgd("tip", load="1"), "load must be a number"),
         (lambda o: o.unloaded(gravity=(0, 0, -9.81), density=1000, tolerance="1e-9"), "tolerance must be a number"),

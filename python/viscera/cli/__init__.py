@@ -42,7 +42,7 @@ VERBS = (
     demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, register, warp, study, bench, doctor,
     completion,
 )  # fmt: skip
-NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
+NEGATIVE_NUMBER = re.compile(r"-\d*[.,]?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 
 class _Parser(argparse.ArgumentParser):

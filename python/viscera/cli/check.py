@@ -10,10 +10,10 @@ import argparse
 
 from viscera import progress
 from viscera.check import Check, Row, allowed_error
-from viscera.cli.options import number_or_words
+from viscera.cli.options import add_value, model_at, number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.filekind import MODEL, require
-from viscera.touch import Touch, load
+from viscera.touch import Touch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", metavar="organ.viscera")
     parser.add_argument("--touches", type=int, default=50, help="random contacts, each at every depth (default 50)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the random contacts (default 0)")
-    parser.add_argument("--value", type=float, help="value of the model's parameter, within its range")
+    add_value(parser)
     parser.add_argument(
         "--depths", nargs="+", type=number_or_words, metavar="DEPTH",
         help="metres, '12 mm' or '5%%' of the bounding-box diagonal (default 5%% 10%%)",
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Check, print the table."""
     output.spare([args.model])
     require(args.model, MODEL)
-    touch = load(args.model) if args.value is None else load(args.model).at(args.value)
+    touch = model_at(args.model, args.value)
     with progress.bar(output.is_quiet) as bar:
         result = touch.check(args.touches, args.seed, args.depths, progress=bar)
     say(result, touch, output)

@@ -99,7 +99,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     touch.plot(point, push, picture, title=title)
     output.say(f"picture: {picture}")
     if not (args.no_view or output.is_quiet) and sys.stdout.isatty():
-        show(str(model), output)
+        show(touch, "Liver", output)
     facts |= {"reduce_seconds": reduced, "picture": str(picture), **result.to_json()}
     return Outcome(result.verdict, DONE if result.is_passed else FAILED, facts)
 

@@ -27,7 +27,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say(f"  packages      {_listed(facts['packages'])}")
     for extra, packages in facts["extras"].items():
         missing = [name for name, version in packages.items() if version is None]
-        advice = f"; pip install 'viscera[{extra}]' brings {', '.join(missing)}" if missing else ""
+        advice = f"; pip install {' '.join(missing)}" if missing else ""
         output.say(f"  [{extra}]".ljust(16) + f"{_listed(packages)}{advice}")
     for name, version in facts["beside"].items():
         output.say(f"  {name:14}" + (version or f"missing; pip install {name} {BESIDE[name]}"))

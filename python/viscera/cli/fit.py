@@ -85,7 +85,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say(_table(fits))
     output.say_all(f"left out: {reason}" for reason in left_out)
     best = fits[0]
-    output.say(f"best by AIC: {best.law!r}")
+    output.say(f"{'best by AIC' if best.is_ranked else 'not ranked'}: {best.law!r}")
     output.say("\n".join(_intervals(best)))
     for test, error in best.errors().items():
         output.say(f"root-mean-square error of {test}: {error:.4g} Pa")
@@ -110,9 +110,14 @@ def _ranked(tests: list[MaterialTest], args: argparse.Namespace) -> tuple[list[F
     fits, left_out = list[Fit](), list[str]()
     for law, terms in CANDIDATES:
         try:
-            fits.append(fit(law, tests, terms=terms, poisson=args.poisson))
+            found = fit(law, tests, terms=terms, poisson=args.poisson)
         except Undetermined as error:
             left_out.append(str(error))
+            continue
+        if found.is_ranked:
+            fits.append(found)
+        else:
+            left_out.append(f"{law} has as many parameters as there are points off rest, {len(found.parameters)}")
     if not fits:
         raise VisceraError(f"these tests determine none of the laws: {'; '.join(dict.fromkeys(left_out))}")
     return sorted(fits, key=lambda found: found.aic), left_out
@@ -197,9 +202,8 @@ def _table(fits: list[Fit]) -> str:
     for found in fits:
         stable = "yes" if found.is_stable else "no"
         name = f"{found.name} {_terms(found)}".rstrip()
-        lines.append(
-            f"{name:16s} {len(found.parameters):10d} {found.standard_error:12.4g} Pa {found.aic:11.1f}  {stable}"
-        )
+        errors = f"{found.standard_error:12.4g} Pa {found.aic:11.1f}" if found.is_ranked else f"{'-':>15s} {'-':>11s}"
+        lines.append(f"{name:16s} {len(found.parameters):10d} {errors}  {stable}")
     return "\n".join(lines)
 
 
@@ -212,11 +216,12 @@ def _intervals(found: Fit) -> list[str]:
     lines = []
     for name, value in found.parameters.items():
         interval = found.intervals[name]
-        band = (
-            "no interval: at its bound, or undetermined"
-            if interval is None
-            else f"95 %: {interval[0]:.6g} to {interval[1]:.6g}"
-        )
+        if interval is not None:
+            band = f"95 %: {interval[0]:.6g} to {interval[1]:.6g}"
+        elif found.is_ranked:
+            band = "no interval: at its bound, or undetermined"
+        else:
+            band = "no interval: as many parameters as points"
         lines.append(f"  {name} = {value:.6g}   ({band})")
     return lines
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import Any
 
 from viscera import defaults
@@ -11,7 +12,9 @@ from viscera.errors import VisceraError
 from viscera.filekind import CASE, MESH, kind_of
 from viscera.meshfile import FORMATS
 from viscera.select import length
+from viscera.touch import Touch, load
 
+DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*[a-z%]*\s*")
 MATERIAL = ("law", "young", "poisson")
 MESH_ONLY = ("units", "fixed", "element", *MATERIAL)
 
@@ -29,7 +32,9 @@ def metres(text: str) -> float:
 
 
 def number_or_words(text: str) -> float | str:
-    """A number as a float, anything else as it stands ("12 mm", "10%")."""
+    """A number as a float, anything else as it stands ("12 mm", "10%"); a decimal comma is refused."""
+    if DECIMAL_COMMA.fullmatch(text):
+        raise argparse.ArgumentTypeError(f"{text.strip()} has a comma; write decimals with a point, such as 0.01")
     try:
         return float(text)
     except ValueError:
@@ -73,6 +78,20 @@ def add_reduction(parser: argparse.ArgumentParser) -> None:
     reduction.add_argument(
         "--tolerance", type=float, help=f"relative error of the stored field (default {defaults.TOLERANCE:g})"
     )
+
+
+def add_value(parser: argparse.ArgumentParser) -> None:
+    """The value of the parameter for which a model covers a range."""
+    parser.add_argument(
+        "--value", type=number_or_words,
+        help="value of the model's parameter, within its range; a radius also in words such as 12mm",
+    )  # fmt: skip
+
+
+def model_at(path: str, value: float | str | None) -> Touch:
+    """The model of a file, at a value of its parameter if one is given."""
+    touch = load(path)
+    return touch if value is None else touch.at(value)
 
 
 def case_of(args: argparse.Namespace) -> Case:

@@ -108,6 +108,11 @@ def _require_open(advice: str) -> None:
         raise VisceraError(f"standard output: could not be written (it is closed); {advice}")
 
 
+def iterations(count: int) -> str:
+    """A number of iterations in words."""
+    return "1 iteration" if count == 1 else f"{count} iterations"
+
+
 @contextmanager
 def standard_error() -> Iterator[None]:
     """While this lasts, what is written to a closed standard error is dropped, and does not fail."""

@@ -15,7 +15,7 @@ import numpy as np
 from viscera import progress, statefile
 from viscera.case import read_case
 from viscera.cli.options import metres, number_or_words
-from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.cli.output import DONE, FAILED, Outcome, Output, iterations
 from viscera.errors import VisceraError
 from viscera.filekind import CASE, require
 from viscera.registration import Registered
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
             loaded=args.loaded, progress=bar,
         )  # fmt: skip
     facts = _facts(found)
-    output.say(f"{args.case}: {found.status}, {found.iterations} iterations in {found.seconds:.1f} s")
+    output.say(f"{args.case}: {found.status}, {iterations(found.iterations)} in {found.seconds:.1f} s")
     output.say_all([found.message] if found.message else [])
     _say(found, facts, output)
     for path, result in ((args.output, found), (args.shape, found.state)):

@@ -14,7 +14,7 @@ import numpy as np
 
 from viscera import progress, statefile
 from viscera.case import Case
-from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.cli.output import DONE, FAILED, Outcome, Output, iterations
 from viscera.filekind import CASE, require
 from viscera.navigation import Unloaded
 from viscera.scene_case import SceneCase, read_any
@@ -36,7 +36,7 @@ def _say_unloaded(rest: Unloaded, name: str, output: Output) -> None:
         return
     moved = 1e3 * np.linalg.norm(rest.state.displacement, axis=1).max()
     output.say(
-        f"{name}: loads of the scan taken off in {len(rest.errors)} iterations, {rest.seconds:.2f} s; they move the "
+        f"{name}: loads of the scan taken off in {iterations(len(rest.errors))}, {rest.seconds:.2f} s; they move the "
         f"organ by up to {moved:.4g} mm; displacements count from the scan"
     )
 
@@ -119,10 +119,12 @@ def _told(
 ) -> Outcome:
     """Print and write the solution; `facts` are those that not every case has."""
     words = "converged" if state.is_converged else f"did not converge ({state.message}); load reached {state.load:.3g}"
-    output.say(f"{args.case}: {words}, {state.iterations} iterations in {state.seconds:.2f} s")
+    output.say(f"{args.case}: {words}, {iterations(state.iterations)} in {state.seconds:.2f} s")
     output.say(f"  linear solver         {state.solver}")
     if state.message == NOTHING_ACTS:
         output.say(f"  {NOTHING_ACTS}")
+    if state.is_converged and (inside_out := state._inside_out()):
+        output.say(f"  {inside_out}")
     output.say(f"  largest displacement  {1e3 * state.max_displacement:.4g} mm")
     output.say(f"  strain energy         {state.energy:.4g} J")
     output.say(f"  volume ratio          {state.volume_ratio:.6g}")

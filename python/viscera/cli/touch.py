@@ -8,10 +8,18 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from viscera.cli.options import number_or_words
+import numpy as np
+
+from viscera.answer import Answer
+from viscera.cli.options import add_value, model_at, number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.filekind import MODEL, check_picture, require
-from viscera.touch import load
+from viscera.select import point
+from viscera.touch import Touch
+from viscera.vary import UNITS
+
+NEAR = 0.05
+"""Part of the radius of the contact by which it may be off the given point without a word."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     words: dict[str, Any] = {"nargs": 3, "type": number_or_words, "required": True, "metavar": axes}
     parser.add_argument("--at", **words, help="contact point: metres, 12mm, or 80%% of the bounding box")
     parser.add_argument("--push", **words, help="contact displacement: metres, 12mm, or 5%% of the diagonal")
-    parser.add_argument("--value", type=float, help="value of the model's parameter, within its range")
+    add_value(parser)
     parser.add_argument("--picture", metavar="FILE.png", help="draw the touched organ")
 
 
@@ -30,10 +38,11 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.spare([args.model], ("--picture", args.picture))
     check_picture(args.picture)
     require(args.model, MODEL)
-    touch = load(args.model) if args.value is None else load(args.model).at(args.value)
+    touch = model_at(args.model, args.value)
     answer = touch(args.at, args.push)
     if args.picture is not None:
         touch.plot(args.at, args.push, args.picture)
+    output.say_all([*_parameter(touch), *_moved(touch, answer, args.at)])
     output.say("force      " + "  ".join(f"{component:10.4g}" for component in answer.force) + "  N")
     for name, row in zip(("stiffness", "", ""), answer.stiffness, strict=True):
         output.say(f"{name:9s}  " + "  ".join(f"{entry:10.4g}" for entry in row) + "  N/m")
@@ -55,5 +64,24 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         "shape_reason": answer.shape_reason,
         "max_displacement": answer.max_displacement,
         "contact_point": answer.contact_point,
+        "parameter": touch.parameter,
     }
     return Outcome("answered", facts=facts)
+
+
+def _parameter(touch: Touch) -> list[str]:
+    """The value that a model for a range answers for, and the range."""
+    if touch.parameter is None:
+        return []
+    name, value, (low, high) = (touch.parameter[key] for key in ("name", "value", "range"))
+    unit = f" {UNITS.get(name, '')}".rstrip()
+    return [f"{name} = {value:g}{unit}, in the range {low:g} to {high:g}{unit}"]
+
+
+def _moved(touch: Touch, answer: Answer, given: list[float | str]) -> list[str]:
+    """Where the contact is, if the given point is beside the touchable surface."""
+    distance = float(np.linalg.norm(answer.contact_point - point(given, touch.mesh, "contact point")))
+    if distance <= NEAR * touch.radius:
+        return []
+    at = ", ".join(f"{1e3 * x:.1f}" for x in answer.contact_point)
+    return [f"contact at ({at}) mm, {1e3 * distance:.3g} mm from the given point"]

@@ -13,17 +13,22 @@ from __future__ import annotations
 import argparse
 import webbrowser
 from pathlib import Path
+from threading import Thread
 
 from viscera import progress
+from viscera.case import PLACED, Case
+from viscera.cli.options import add_value, model_at
 from viscera.cli.output import Outcome, Output
+from viscera.errors import VisceraError
 from viscera.filekind import CASE, MODEL, kind_of, require
-from viscera.scene_case import read_any
-from viscera.touch import load
+from viscera.scene_case import SceneCase, read_any
+from viscera.touch import Touch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera view`."""
     parser.add_argument("model", metavar="organ.viscera|CASE.toml")
+    add_value(parser)
     parser.add_argument(
         "--port", type=int, default=0, help="port of the page's server on 127.0.0.1 (default: any free one)"
     )
@@ -40,33 +45,42 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     written = [("--export", path) for path in _exported(args.export)]
     output.spare([args.model], *written)
     require(args.model, MODEL, CASE)
-    if is_case(args.model):
-        output.spare(read_any(args.model).files, *written)
-    if args.export is not None:
-        write = export_stepped if is_case(args.model) else export_page
-        return write(args.model, args.export, output)
-    show(args.model, output, args.port, opens_browser=not args.no_browser)
-    return Outcome("closed")
+    name = Path(args.model).stem.replace("_", " ").replace("-", " ").capitalize()
+    shown: Touch | Case | SceneCase
+    if kind_of(args.model) == CASE:
+        if args.value is not None:
+            raise VisceraError(f"{args.model} is a case file, and --value is that of a model's parameter; leave it out")
+        shown = read_any(args.model)
+        output.spare(shown.files, *written)
+    else:
+        shown = model_at(args.model, args.value)
+    if args.export is None:
+        show(shown, name, output, args.port, opens_browser=not args.no_browser)
+        return Outcome("closed")
+    if isinstance(shown, Touch):
+        return export_page(shown, name, args.export, output)
+    return export_stepped(shown, name, args.export, output)
 
 
 def _exported(export: str | None) -> list[str | Path]:
     """Files of an export that could be one of those read: the page in one file, or a folder's model or case."""
     from viscera.viewer import page
+    from viscera.viewer.export import is_single
 
     if export is None:
         return []
-    if export.endswith(".html") or not export:
+    if not export or is_single(export):
         return [export]
     return [Path(export, name) for name in (page.MODEL, page.CASE)]
 
 
-def export_page(model: str, folder: str, output: Output) -> Outcome:
-    """Write the page of a model file into a folder."""
+def export_page(touch: Touch, name: str, folder: str, output: Output) -> Outcome:
+    """Write the page of a model into a folder."""
     from viscera.viewer import export
 
     with progress.bar(output.is_quiet) as bar:
         bar(0, 1, "web version of the model")
-        written = export(load(model), folder, name_of(model))
+        written = export(touch, folder, name)
         bar(1, 1, "web version of the model")
     web = written.model
     output.say(
@@ -78,15 +92,16 @@ def export_page(model: str, folder: str, output: Output) -> Outcome:
     return Outcome("exported", facts={"folder": str(written.folder), **facts})
 
 
-def export_stepped(case: str, folder: str, output: Output) -> Outcome:
-    """Write the page of a case file, which steps it, into a folder."""
+def export_stepped(case: Case | SceneCase, name: str, folder: str, output: Output) -> Outcome:
+    """Write the page of a case, which steps it, into a folder."""
     from viscera.viewer import export_case
 
-    written = export_case(read_any(case), folder, name_of(case))
+    written = export_case(case, folder, name)
     output.say(
         f"{_written(written.folder, written.files)}\n"
         f"the page steps the case itself: {written.bytes / 1e6:.1f} MB with the stepper"
     )
+    _say_left_out(case, output)
     return Outcome("exported", facts={"folder": str(written.folder), "files": written.files, "bytes": written.bytes})
 
 
@@ -95,26 +110,27 @@ def _written(place: Path, files: list[str]) -> str:
     return f"{place}: {', '.join(files) or f'one file of {place.stat().st_size / 1e6:.1f} MB'}"
 
 
-def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = True) -> None:
-    """Serve the page of a model file, of a case or of a scene, until Ctrl-C."""
+def show(
+    shown: Touch | Case | SceneCase, name: str, output: Output, port: int = 0, *, opens_browser: bool = True
+) -> None:
+    """Serve the page of a model, of a case or of a scene, until Ctrl-C."""
     from viscera.viewer import serve, serve_live
 
-    name = name_of(model)
-    server = serve_live(read_any(model), name, port) if is_case(model) else serve(load(model), name, port)
+    server = serve(shown, name, port) if isinstance(shown, Touch) else serve_live(shown, name, port)
     output.say(f"{server.url}\nCtrl-C ends the viewer")
+    if not isinstance(shown, Touch):
+        _say_left_out(shown, output)
     if opens_browser:
-        webbrowser.open(server.url)
+        # A browser in this terminal returns when it is left, and the page must be served until then.
+        Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
     try:
         server.run()
     except KeyboardInterrupt:
         output.say("the viewer is closed")
 
 
-def is_case(path: str) -> bool:
-    """Whether a path names a case file."""
-    return kind_of(path) == CASE
-
-
-def name_of(model: str) -> str:
-    """The organ's name, after its file."""
-    return Path(model).stem.replace("_", " ").replace("-", " ").capitalize()
+def _say_left_out(case: Case | SceneCase, output: Output) -> None:
+    """The loads of a case that its page does not apply."""
+    kinds = [kind for kind in PLACED if case.loads.get(kind)]
+    if kinds:
+        output.say(f"the page leaves out {' and '.join(kinds)} of the case's [loads]; it takes gravity and density")

@@ -9,6 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from viscera.curves import MODES
 from viscera.errors import VisceraError
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CONFIDENCE = 0.95
+AT_REST = 1e-9
+"""Stretch less 1, or shear, below which every law gives the same stress: none."""
 
 
 class Undetermined(VisceraError):
@@ -50,11 +53,14 @@ class Fit:
     intervals: dict[str, tuple[float, float] | None]
     """Confidence intervals of 95 % from the linearised problem; none if a bound is active or the data say nothing."""
     standard_error: float
-    """sqrt(SSE / (n - p)) [Pa], n points, p parameters."""
+    """sqrt(SSE / (n - p)) [Pa], n different points off rest, p parameters; infinite if n = p."""
     sse: float
-    """Sum of squared errors [Pa^2]."""
+    """Sum of squared errors at these points [Pa^2]."""
     aic: float
-    """Akaike's criterion, n ln(SSE / n) + 2 (p + 1): the lower of two fits to the same data is the better."""
+    """Akaike's criterion, n ln(SSE / n) + 2 (p + 1): the lower of two fits to the same data is the better.
+
+    Infinite if n = p: the law then goes through all points, and that says nothing about its worth.
+    """
     stable: dict[str, tuple[float, float]]
     """By deformation: the part of the fitted range in which the law is stable after Drucker."""
     tests: tuple[MaterialTest, ...]
@@ -66,6 +72,16 @@ class Fit:
     def is_stable(self) -> bool:
         """Whether the law is stable over the whole fitted range."""
         return all(self.stable[mode] == _range(self.tests, mode) for mode in self.stable)
+
+    @property
+    def is_ranked(self) -> bool:
+        """Whether there are more points than parameters, so that the error and AIC say something.
+
+        >>> import viscera as vs
+        >>> vs.fit(vs.NeoHookean, vs.MaterialTest("uniaxial", [1.0, 1.1], [0.0, 280.0])).is_ranked
+        False
+        """
+        return bool(np.isfinite(self.aic))
 
     def errors(self) -> dict[str, float]:
         """Root-mean-square error of each test by its name [Pa]; tests of one name have their number behind it, from 1.
@@ -93,7 +109,8 @@ class Fit:
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
         stable = "stable" if self.is_stable else "NOT stable over the range fitted"
-        return f"Fit({self.name}: {values}; standard error {self.standard_error:.4g} Pa, AIC {self.aic:.1f}, {stable})"
+        errors = f"standard error {self.standard_error:.4g} Pa, AIC {self.aic:.1f}"
+        return f"Fit({self.name}: {values}; {errors if self.is_ranked else 'as many parameters as points'}, {stable})"
 
 
 def fit(
@@ -112,7 +129,9 @@ def fit(
         with it too, instead of with det F = 1.
     weights: one for each test, of its squared errors (default: all points count the same).
 
-    Raises `VisceraError` for tests that cannot determine the parameters. Needs scipy (`pip install viscera[fit]`).
+    Errors, AIC and intervals count each different point off rest once: a point at rest, or one that is repeated, says
+    nothing about the parameters. Raises `VisceraError` for tests that cannot determine them. Needs scipy
+    (`pip install scipy`).
 
     >>> stretch = np.linspace(0.6, 1.5, 10)
     >>> measured = MaterialTest("uniaxial", stretch, 500.0 * (stretch - stretch**-2))
@@ -133,9 +152,10 @@ def fit(
     of_specimens = any(isinstance(test, SpecimenTest) for test in curves)
     make = SpecimenProblem if of_specimens else Problem
     problem = make(kind, curves, np.sqrt(counts), poisson, incompressible)
-    n, p = len(problem.target), len(kind.names)
-    if n <= p:
-        raise Undetermined(f"{kind.name} has {p} parameters; {n} measured points cannot determine them")
+    n, p = len(np.unique(_points(curves)[_telling(curves)][:, :2], axis=0)), len(kind.names)
+    if n < p:
+        stretches = "1 stretch" if n == 1 else f"{n} stretches"
+        raise Undetermined(f"{kind.name} has {p} parameters; points at {stretches} off rest cannot determine them")
     return _result(problem)
 
 
@@ -150,7 +170,25 @@ def _checked(tests: MaterialTest | Sequence[MaterialTest]) -> tuple[MaterialTest
             raise VisceraError(f"a test is a MaterialTest, got {type(test).__name__}")
         if not np.abs(test.stress).max() > 0.0:
             raise VisceraError(f"{test.name}: all stresses are zero; there is nothing to fit")
+        if not _telling([test]).any():
+            raise VisceraError(f"{test.name}: all points are at rest; there is nothing to fit")
     return curves
+
+
+def _points(tests: Sequence[MaterialTest]) -> Floats:
+    """All points (n, 3): number of the deformation, stretch, stress."""
+    modes = list(MODES)
+    return np.concatenate(
+        [np.column_stack([np.full(test.n_points, modes.index(test.mode)), test.stretch, test.stress]) for test in tests]
+    )
+
+
+def _telling(tests: Sequence[MaterialTest]) -> NDArray[np.bool_]:
+    """Which points (n,) say something: those off rest, and of equal ones the first."""
+    is_first = np.zeros(sum(test.n_points for test in tests), dtype=bool)
+    is_first[np.unique(_points(tests), axis=0, return_index=True)[1]] = True
+    off = np.concatenate([np.abs(test.stretch - MODES[test.mode].at_rest) > AT_REST for test in tests])
+    return np.asarray(is_first & off)
 
 
 def _range(tests: Sequence[MaterialTest], mode: str) -> tuple[float, float]:
@@ -179,10 +217,12 @@ def _result(problem: Problem) -> Fit:
             f"{problem.kind.name} cannot follow these curves: the best would be none ({error})"
         ) from None
     stress, jacobian = problem.derivatives(found)
-    n, p = len(problem.target), len(values)
-    sse = float(((stress - problem.target) ** 2).sum())
+    told = _telling(problem.tests)
+    n, p = int(told.sum()), len(values)
+    residual, weight = (stress - problem.target)[told], problem.weight[told]
+    sse = float((residual**2).sum())
     half = np.full(p, np.nan)
-    spread = _spread(problem.weight[:, None] * jacobian[:, free], problem.weight * (stress - problem.target), n - p)
+    spread = _spread(weight[:, None] * jacobian[told][:, free], weight * residual, n - p)
     if spread is not None:
         half[free] = spread * float(t.ppf(0.5 + 0.5 * CONFIDENCE, n - p))
     intervals = {
@@ -195,9 +235,9 @@ def _result(problem: Problem) -> Fit:
         law=law,
         parameters=dict(zip(problem.kind.names, map(float, values), strict=True)),
         intervals=intervals,
-        standard_error=float(np.sqrt(sse / (n - p))),
+        standard_error=float(np.sqrt(sse / (n - p))) if n > p else float("inf"),
         sse=sse,
-        aic=float(n * np.log(max(sse, np.finfo(float).tiny) / n) + 2 * (p + 1)),
+        aic=float(n * np.log(max(sse, np.finfo(float).tiny) / n) + 2 * (p + 1)) if n > p else float("inf"),
         stable={mode: drucker_range(law, mode, *_range(problem.tests, mode)) for mode in modes},
         tests=problem.tests,
         stresses=tuple(np.split(stress, splits)),
@@ -206,9 +246,9 @@ def _result(problem: Problem) -> Fit:
 
 
 def _spread(jacobian: Floats, residual: Floats, freedom: int) -> Floats | None:
-    """Standard deviations of the parameters; none if the curves leave a combination of them undetermined."""
+    """Standard deviations of the parameters; none without freedom, or if a combination of them is undetermined."""
     size = np.linalg.norm(jacobian, axis=0)
-    if jacobian.shape[1] == 0 or not size.all():
+    if freedom == 0 or jacobian.shape[1] == 0 or not size.all():
         return None
     scaled = jacobian / size
     singular = np.linalg.svd(scaled, compute_uv=False)

@@ -21,6 +21,9 @@ WRONG, SMOOTH = 1e-3, 0.1
 """Standard deviation along the normal of what law, mesh and forces get wrong, and the distance over which it varies."""
 N_WRONG = 60
 """Places that carry it."""
+ANY_TURN, ANY_SHIFT = 1.0, 1.0
+"""Standard deviations of a turn [rad] and of a shift of the organ that nobody has seen: points on one flat face leave
+the organ free to slide along it, and the equations without a solution."""
 REACH = 0.05
 """Largest motion of a node in an iteration."""
 STILL = 1e-3
@@ -142,9 +145,9 @@ class Equations:
         return rows, -turn, np.full(3, deviation**-2.0)
 
     def prior(self, metrics: list[Floats], sizes: Floats) -> Floats:
-        """Of all unknowns (p, p): none on the rigid motion; forces of these sizes; unit errors of the model."""
+        """Of all unknowns (p, p): wide on the rigid motion; forces of these sizes; unit errors of the model."""
         prior = np.eye(self.n_known + self.wrong.shape[1])
-        prior[:6, :6] = 0.0
+        prior[:6, :6] = np.diag(np.repeat([ANY_TURN, ANY_SHIFT * self.size], 3) ** -2.0)
         for group, metric, size in zip(self.groups, metrics, sizes, strict=True):
             where = slice(6 + group.start, 6 + group.stop)
             prior[where, where] = metric / size**2

@@ -17,6 +17,8 @@ from viscera.quantity import numbers_of, refused, vector
 LARGEST_CLOUD = 4.0
 """Diagonals of the organ; a cloud wider than that is of something else, or in another unit."""
 SMALLEST_CLOUD = 0.02
+LINE = 1e-3
+"""Width over length up to which what was measured lies on a line."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def observed(
         )
     if 0 < len(cloud) < 20 and not seen.fixes_motion:
         raise VisceraError(f"{len(cloud)} surface points are too few to find the organ by; give 20, or three landmarks")
-    _check_size(mesh, seen)
+    _check_extent(mesh, seen)
     return seen
 
 
@@ -145,12 +147,17 @@ def _within(mesh: Mesh, places: Floats) -> list[tuple[NDArray[np.int64], Floats]
     return found
 
 
-def _check_size(mesh: Mesh, seen: Observed) -> None:
-    """Raise `VisceraError` if what was measured cannot be this organ in metres."""
-    everything: Any = np.concatenate([seen.surface, seen.measured])
-    size = (
-        float(np.linalg.norm(np.subtract(*np.percentile(everything, [95, 5], axis=0)))) if len(everything) > 1 else 0.0
-    )
+def _check_extent(mesh: Mesh, seen: Observed) -> None:
+    """Raise `VisceraError` if what was measured fixes no turn, or cannot be this organ in metres."""
+    everything: Any = np.concatenate([seen.surface[seen.weights > 0.0], seen.measured])
+    arms = everything - everything.mean(axis=0)
+    _, width, length = np.linalg.eigvalsh(arms.T @ arms)
+    if not width > LINE**2 * length:
+        raise VisceraError(
+            f"what was measured, {len(everything)} points, lies on one line or in one place, about which the organ may "
+            "be turned in any way; add points beside it"
+        )
+    size = float(np.linalg.norm(np.subtract(*np.percentile(everything, [95, 5], axis=0))))
     if not SMALLEST_CLOUD * mesh.diagonal < size < LARGEST_CLOUD * mesh.diagonal:
         raise VisceraError(
             f"what was measured extends over {size:.3g} m and the organ over {mesh.diagonal:.3g} m; are both in metres?"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from viscera import _core, statefile
+from viscera import _core
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
@@ -132,24 +132,14 @@ class Registered(Deformed, Pictured):
         is_known = np.einsum("ka,ka->k", weights, self.is_observed[nodes].astype(float)) > 0.5
         return np.where(is_known, np.einsum("ka,ka->k", weights, self.band[nodes]), np.inf)
 
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write mesh, displacement, `band` [m] and `is_observed`, as `State.write` does.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> places = beam.mesh.points[::20]
-        >>> found = beam.register(points=(places, 0.0 * places + [0.0, 0.0, 0.1]), noise="1 mm")
-        >>> found.write("found.vtu")
-        """
-        points, cells = self.fields()
-        own = {"displacement": self.displacement, "band": self.band, "is_observed": self.is_observed.astype(float)}
-        statefile.write(path, self.mesh, self.displacement, own | points, cells)
-
     def _seen(self) -> tuple[Mesh, Floats]:
         return self.mesh, self.displacement
 
     def _from_rest(self) -> tuple[Organ, Floats]:
         return self.organ, self.displacement
+
+    def _nodal(self) -> dict[str, Floats]:
+        return {"band": self.band, "is_observed": self.is_observed.astype(float)}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Draw the organ where it was found, coloured by its band. `path`: write a PNG file there.
