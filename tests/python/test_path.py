@@ -60,3 +60,33 @@ def test_paths_that_are_refused(bar: vs.Mesh) -> None:
     for samples in (-1, 1, "a"):
         with pytest.raises(vs.VisceraError, match="samples must be a whole number from 2"):
             path.curve(samples)
+
+
+FIBRES = [(1.0, 0.3, 0.0), (1.0, -0.3, 0.0)]
+SWITCHES = [
+    vs.HolzapfelGasserOgden(3e3, 2.4e3, 0.84, fibres=FIBRES, kappa=3e4),
+    vs.StrainEnergy(
+        "mu/2*(I1bar - 3) + kappa/2*log(J)**2 + k/2*max(I4 - 1, 0)**2", fibres=FIBRES, mu=3e3, kappa=3e4, k=5e3
+    ),
+]
+
+
+@pytest.mark.parametrize("law", SWITCHES, ids=["fibres", "max"])
+def test_a_path_crosses_the_switches_of_a_law(law: vs.Law) -> None:
+    organ = vs.Organ(vs.organs.beam(), law, fixed="clamp", element="P1")
+    force = {"tip": (0.0, 0.0, -0.2)}
+    path = organ.path(force=force)
+    load, displacement = path.curve(3)
+    full = organ.solve(force=force)
+    assert load[-1] == pytest.approx(1.0, rel=1e-9)
+    assert displacement[-1] == pytest.approx(full.displacement, abs=1e-4 * full.max_displacement)
+    assert max(expansion.residual for expansion in path.expansions) <= 1e-6, "the tolerance of the path"
+    inside = int(np.argmax(load >= 0.3))
+    full = organ.solve(force={"tip": (0.0, 0.0, -0.2 * load[inside])})
+    assert displacement[inside] == pytest.approx(full.displacement, abs=1e-4 * full.max_displacement)
+
+
+def test_a_path_that_switches_end_says_so() -> None:
+    organ = vs.Organ(vs.organs.beam(), SWITCHES[0], fixed="clamp", element="P1")
+    with pytest.raises(vs.VisceraError, match="of 1 after 3 expansions; allow more expansions or a larger tolerance"):
+        organ.path(force={"tip": (0.0, 0.0, -0.2)}, max_expansions=3)

@@ -111,6 +111,20 @@ impl Material {
         row.iter().fold(0.0, |max, p| p.abs().max(max))
     }
 
+    /// Whether the energy of a cell has a switch, where its power series ends: that of a law is the same in all its rows.
+    pub fn has_switch(&self) -> bool {
+        let mut laws: Vec<&[f64]> = self.rows.iter().map(Vec::as_slice).collect();
+        if self.name.starts_with(SEVERAL) {
+            // A row begins with the index of its law.
+            laws.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            laws.dedup_by_key(|row| row[0]);
+        } else {
+            laws.truncate(1);
+        }
+        let expression = |row| self.law.expression(row);
+        laws.into_iter().filter_map(expression).any(|energy| energy.has_switch())
+    }
+
     /// Shear and bulk modulus at rest of a row of parameters [Pa].
     pub fn moduli(&self, row: &[f64]) -> [f64; 2] {
         let identity = tabulate!(|i, j| f64::from(u8::from(i == j)));

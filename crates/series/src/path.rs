@@ -4,20 +4,19 @@
 //!   K u_p = load_p f - N_p,
 //! with `f` the dead force and that of the pressure at the start, and `N_p` the order-p coefficient of the internal force
 //! less that of the load for `u_p = 0`, `load_p = 0`. The parameter `a` is the load, or an arc length that passes limit
-//! points. An expansion reaches as far as its Pade form holds; there one correction returns to equilibrium and the next
+//! points. An expansion reaches as far as its Pade form holds; there corrections return to equilibrium and the next
 //! begins.
 
+mod correction;
+mod reach;
 #[cfg(test)]
 mod tests;
 
 use crate::body::{Body, Curvature};
-use crate::equilibrium::{
-    ConstrainedSystem, Iteration, Limits, Method, Pressure, Rounding, Tangent, dofs_of, iterate,
-};
+use crate::equilibrium::{ConstrainedSystem, Method, Pressure, Rounding, Tangent, dofs_of};
 use crate::error::Error;
 use crate::linear::{FactorError, gmres};
 use crate::number::Monomials;
-use crate::number::pade::{Pade, pade_range, taylor_range};
 use crate::number::{dot, norm};
 
 /// Residual of a solution where a pressure on a free rim makes the tangent unsymmetric, relative.
@@ -25,9 +24,6 @@ const TOLERANCE: f64 = 1e-12;
 
 /// Largest number of iterations of such a solution.
 const MAX_ITERATIONS: usize = 60;
-
-/// Newton's corrections at the end of an expansion.
-const MAX_CORRECTIONS: usize = 8;
 
 /// The parameter of the series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +46,7 @@ pub struct Continuation {
     pub until: f64,
     /// Relative accuracy of an expansion over its range.
     pub tolerance: f64,
-    /// Largest number of expansions.
+    /// Largest number of expansions; a law with a switch may need one for each time that a cell's turns over.
     pub max_expansions: usize,
 }
 
@@ -85,6 +81,9 @@ struct Follower<'a> {
     scale: f64,
     /// First-order terms of the expansion before, for the direction of travel.
     previous: Option<Vec<f64>>,
+    /// Whether the law has a switch, and whether something has ended an expansion before its forms part.
+    has_switch: bool,
+    is_hindered: bool,
 }
 
 impl Continuation {
@@ -92,8 +91,9 @@ impl Continuation {
     /// every expansion and may stop it.
     ///
     /// # Errors
-    /// Bad settings, force or pressure; a singular tangent at rest; a stop on request. A path that ends early (its load not
-    /// reached in `max_expansions`, or a singular tangent) is returned as far as it goes.
+    /// Bad settings, force or pressure; a singular tangent at rest; a stop on request; switches of the law that let the path
+    /// go no further in `max_expansions`, or at all. Any other path that ends early (its load not reached in
+    /// `max_expansions`, or a singular tangent) is returned as far as it goes.
     pub fn follow(
         &self,
         body: &Body,
@@ -124,6 +124,8 @@ impl Continuation {
             state: vec![0.0; body.n_dofs() + 1],
             scale: 0.0,
             previous: None,
+            has_switch: body.material().has_switch(),
+            is_hindered: false,
         };
         let (mut expansions, mut prepared) = (Vec::<Expansion>::new(), follower.prepare());
         for _ in 0..self.max_expansions {
@@ -135,9 +137,13 @@ impl Continuation {
                 // The steps become shorter towards a bifurcation; one of them may end just there.
                 (Err(Error::Factor(FactorError::Singular { .. })), Some(last)) => {
                     last.is_stable = false;
-                    break;
+                    return Ok(expansions);
                 }
-                (expansion, _) => expansion?,
+                (Ok(None), Some(last)) if !follower.has_switch => {
+                    last.is_stable = false;
+                    return Ok(expansions);
+                }
+                (expansion, _) => expansion?.ok_or_else(|| follower.no_way_on())?,
             };
             prepared = follower.prepare();
             expansion.is_stable = prepared.is_ok() && follower.system.n_negative() == Some(0);
@@ -145,8 +151,11 @@ impl Continuation {
             let stuck = !(expansion.range > 0.0);
             expansions.push(expansion);
             if is_last || stuck {
-                break;
+                return Ok(expansions);
             }
+        }
+        if follower.has_switch && follower.is_hindered {
+            return Err(follower.too_many());
         }
         Ok(expansions)
     }
@@ -180,27 +189,48 @@ impl Follower<'_> {
         self.state[self.state.len() - 1]
     }
 
+    fn no_way_on(&self) -> Error {
+        Error::input(format!(
+            "the path ends at load {:.4}, since no equilibrium is found beside it; solve in load steps",
+            self.load()
+        ))
+    }
+
+    fn too_many(&self) -> Error {
+        let Continuation { max_expansions, until, .. } = self.settings;
+        Error::input(format!(
+            "switches of the law end the path at load {:.4} of {until} after {max_expansions} expansions; allow more \
+             expansions or a larger tolerance, or solve in load steps",
+            self.load()
+        ))
+    }
+
     /// Factorises the tangent at the state.
     fn prepare(&mut self) -> Result<(), Error> {
         self.linearize();
         Ok(self.system.prepare(&self.tangent, 0.0)?)
     }
 
-    /// Builds an expansion at the state, for which all is prepared, and moves the state to its end.
-    fn expand(&mut self) -> Result<Expansion, Error> {
+    /// Builds an expansion at the state, for which all is prepared, and moves the state to its end, back in equilibrium.
+    /// Where a switch of the law turns over too early for a series, the expansion is a chord; none where there is no
+    /// equilibrium to go on to.
+    fn expand(&mut self) -> Result<Option<Expansion>, Error> {
         let series = self.series()?;
-        let taylor_range = taylor_range(&series, self.settings.tolerance);
-        let reach = if taylor_range.is_finite() {
-            pade_range(&series, self.settings.tolerance, taylor_range)
-        } else {
-            2.0 * self.settings.until / series[1][self.body.n_dofs()].abs().max(1e-12)
-        };
-        let pade = Pade::new(&series, 0);
-        let range = self.end_of_range(&series, &pade, reach);
-        self.state = pade.evaluate(&series, range);
-        let residual = self.correct(&series[1])?;
-        self.previous = Some(series[1].clone());
-        Ok(Expansion { series, range, taylor_range, residual, is_stable: false })
+        if !series.iter().flatten().all(|u| u.is_finite()) {
+            self.is_hindered = true;
+            return self.chord(&series[1], self.settings.until);
+        }
+        let reach = self.reach(&series);
+        if let Some(expansion) = self.end_at(&series, reach)? {
+            return Ok(Some(expansion));
+        }
+        self.is_hindered = true;
+        if let Some(range) = self.shorter(&series, reach)
+            && let Some(expansion) = self.end_at(&series, range)?
+        {
+            return Ok(Some(expansion));
+        }
+        self.chord(&series[1], reach)
     }
 
     /// The internal force at the state, and the tangent but for its skew part.
@@ -298,81 +328,5 @@ impl Follower<'_> {
         let mut rhs = self.system.gather(b);
         self.system.solve_columns(&mut rhs)?;
         Ok(self.system.scatter(&rhs))
-    }
-
-    /// The reach, cut where the load is reached or a cell would turn inside out.
-    fn end_of_range(&self, series: &[Vec<f64>], pade: &Pade, reach: f64) -> f64 {
-        let n = self.body.n_dofs();
-        let mut range = reach;
-        let is_valid = |a: f64| self.body.energy(&pade.evaluate(series, a)[..n]).is_finite();
-        while range > 1e-6 * reach && !is_valid(range) {
-            range *= 0.5;
-        }
-        let load = |a: f64| pade.evaluate(series, a)[n];
-        if load(range) <= self.settings.until {
-            return range;
-        }
-        let (mut low, mut high) = (0.0, range);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if load(middle) < self.settings.until { low = middle } else { high = middle }
-        }
-        high
-    }
-
-    /// Newton corrections back to equilibrium, at constant load or constant arc; returns the
-    /// relative residual found at the start.
-    fn correct(&mut self, direction: &[f64]) -> Result<f64, Error> {
-        // What is left here stays in the next expansion's base state.
-        let tolerance = 1e-3 * self.settings.tolerance;
-        let limits = Limits { tolerance, steps: MAX_CORRECTIONS, waits: false };
-        let (unit, residual) = (Vec::new(), Vec::new());
-        let mut correction =
-            Correction { path: self, direction, tolerance, unit, residual, first: None };
-        iterate(&mut correction, limits)?;
-        Ok(correction.first.unwrap_or(0.0))
-    }
-}
-
-/// Corrections in progress, across a direction of the path.
-struct Correction<'a, 'b> {
-    path: &'a mut Follower<'b>,
-    direction: &'a [f64],
-    tolerance: f64,
-    /// Dead force and pressure of load 1, and what is out of balance.
-    unit: Vec<f64>,
-    residual: Vec<f64>,
-    /// Relative residual at the start.
-    first: Option<f64>,
-}
-
-impl Iteration for Correction<'_, '_> {
-    type Failure = Error;
-
-    fn residual(&mut self) -> Result<f64, Error> {
-        let (load, internal) = (self.path.load(), self.path.linearize());
-        self.unit = self.path.unit_load();
-        self.residual = self.unit.iter().zip(&internal).map(|(f, i)| load * f - i).collect();
-        let size = norm(&self.path.system.gather(&self.residual));
-        let loads = norm(&self.unit) * load.abs();
-        let relative = self.path.rounding.relative(size, loads, self.tolerance);
-        self.first.get_or_insert(relative);
-        Ok(relative)
-    }
-
-    fn step(&mut self) -> Result<(), Error> {
-        let Correction { path, direction, unit, .. } = self;
-        let n = unit.len();
-        path.system.prepare(&path.tangent, 0.0)?;
-        let mut step = path.solve(&self.residual)?;
-        if path.settings.parameter == Parameter::ArcLength {
-            let influence = path.solve(unit)?;
-            let along = |v: &[f64]| path.scale * dot(v, &direction[..n]);
-            let load_step = -along(&step) / (along(&influence) + direction[n]);
-            step.iter_mut().zip(&influence).for_each(|(s, i)| *s += load_step * i);
-            path.state[n] += load_step;
-        }
-        path.state[..n].iter_mut().zip(&step).for_each(|(u, s)| *u += s);
-        Ok(())
     }
 }

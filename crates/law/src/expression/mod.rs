@@ -386,6 +386,12 @@ impl Expression {
         nodes.iter().any(|&id| matches!(self.graph.node(id), Node::TraceOfPower(..)))
     }
 
+    /// Whether it has a switch, where it has no power series.
+    pub fn has_switch(&self) -> bool {
+        let nodes = self.graph.reached(&[self.energy]);
+        nodes.iter().any(|&id| matches!(self.graph.node(id), Node::Step(..)))
+    }
+
     /// Takes the energy at rest off.
     pub fn count_from_rest(&mut self) {
         let image = |graph: &mut Graph, leaf: Node| match leaf {

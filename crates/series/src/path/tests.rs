@@ -4,6 +4,7 @@ use super::*;
 use crate::equilibrium::{Newton, Problem};
 use crate::law::Material;
 use crate::mesh::samples::block;
+use crate::number::pade::Pade;
 use std::f64::consts::PI;
 use viscera_solid::element::Element;
 
@@ -171,4 +172,44 @@ fn a_path_can_be_stopped_before_every_expansion() {
     let (whole, asked) = stopped_after(usize::MAX);
     assert!(asked > 2 && whole == Ok(asked), "{whole:?} {asked}");
     (0..asked).for_each(|n| assert_eq!(stopped_after(n), (Err(Error::Cancelled), n + 1)));
+}
+
+/// Fibres that bear no compression: at rest all are at their switch, and some turn over along the path.
+fn fibres() -> (Body, Vec<u32>, Vec<f64>) {
+    let (body, fixed, force) = cantilever("neo_hookean");
+    let row = vec![2e5, 2e5, 0.8, 0.0, 1e6, 0.96, 0.28, 0.0, 0.96, -0.28, 0.0];
+    let material = Material::new("holzapfel_gasser_ogden", vec![row]).unwrap();
+    let body = Body::new(body.points().to_vec(), body.cells().to_vec(), material).unwrap();
+    (body, fixed, force.iter().map(|f| 40.0 * f).collect())
+}
+
+#[test]
+fn a_law_with_a_switch_is_followed_across_it() {
+    let (body, fixed, force) = fibres();
+    let exact = newton(&body, &fixed, &force, &NONE, 1.0);
+    for parameter in [Parameter::Load, Parameter::ArcLength] {
+        let path = settings(parameter).follow(&body, &fixed, &force, &NONE, &mut || true).unwrap();
+        assert!(path.len() > 2, "{} expansions", path.len());
+        for expansion in &path {
+            assert!(expansion.residual <= 1e-6, "{parameter:?}: {:e}", expansion.residual);
+        }
+        let last = path.last().unwrap();
+        let end = Pade::new(&last.series, 0).evaluate(&last.series, last.range);
+        // The residual is 1e-6 of the load, in a beam that multiplies no error of force by more than a few.
+        let gap = relative(&end[..body.n_dofs()], &exact);
+        assert!(gap < 1e-5 && (end[body.n_dofs()] - 1.0).abs() < 1e-8, "{parameter:?}: {gap:e}");
+        for pair in path.windows(2) {
+            let end = Pade::new(&pair[0].series, 0).evaluate(&pair[0].series, pair[0].range);
+            let gap = relative(&end, &pair[1].series[0]);
+            assert!(gap < 1e-5, "{parameter:?}: an expansion begins {gap:e} from the last end");
+        }
+    }
+}
+
+#[test]
+fn switches_that_take_all_expansions_are_an_error() {
+    let (body, fixed, force) = fibres();
+    let short = Continuation { max_expansions: 2, ..settings(Parameter::Load) };
+    let error = short.follow(&body, &fixed, &force, &NONE, &mut || true).unwrap_err().to_string();
+    assert!(error.contains("of 1 after 2 expansions; allow more"), "{error}");
 }
