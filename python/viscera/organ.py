@@ -108,6 +108,7 @@ class Organ(Statics, Reducible):
         time_step [s] between frames: needed for inertia and relaxation.
         dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static if None.
         mass: "lumped" or "consistent"; damping: Rayleigh's alpha [1/s] and beta [s], C = alpha M + beta K.
+            Gravity pulls at the same masses: lumped, a "P2" organ at rest differs from statics by its discretisation.
         relaxation: `Prony` viscoelasticity, of the element "P1" alone.
 
         >>> import viscera as vs

@@ -48,7 +48,7 @@ fn product(a: usize, b: usize, count: usize) -> f64 {
     entry / 420.0
 }
 
-/// Part of each node in the weight of the body [kg]: the force of a unit gravity.
+/// Part of each node in the weight of a body without inertia [kg]: the force of a unit gravity.
 pub(super) fn nodal_weight(body: &Body, density: &[f64]) -> Result<Vec<f64>, Error> {
     Ok(body.gravity([1.0, 0.0, 0.0], density)?.into_iter().step_by(3).collect())
 }
@@ -84,6 +84,20 @@ impl MassMatrix {
         let mut matrix = MassMatrix { entries: shares.into_iter().map(entry).collect(), nodal };
         matrix.place(body.pattern());
         Ok(matrix)
+    }
+
+    /// Part of each node in the weight of the body [kg], the sum of its row: what is thrown or falls freely then has no
+    /// strain, whatever the mass is. Consistent weights would deform a quadratic cell with lumped masses, as they lift its
+    /// corners.
+    pub fn weights(&self) -> Vec<f64> {
+        let mut weights = vec![0.0; self.nodal.len()];
+        for &Entry { row, column, mass, .. } in &self.entries {
+            weights[row as usize] += mass;
+            if row != column {
+                weights[column as usize] += mass;
+            }
+        }
+        weights
     }
 
     /// Finds its blocks in the pattern of the tangent.

@@ -73,6 +73,7 @@ pub struct Stepper {
     tangent: Tangent,
     motion: Option<Motion>,
     relaxation: Option<Relaxation>,
+    /// What gravity pulls at [kg]: with inertia that of the mass matrix.
     nodal_mass: Vec<f64>,
     pressure: Pressure,
     contact: Contact,
@@ -157,11 +158,6 @@ impl Stepper {
             body.internal_force_within(&displacement, SOUND, &mut vec![0.0; n]).is_finite();
         let barrier =
             VolumeBarrier::new(if is_sound { SOUND } else { UPRIGHT }, body, &displacement);
-        let nodal_mass = if settings.density.is_empty() {
-            Vec::new()
-        } else {
-            nodal_weight(body, &settings.density)?
-        };
         let time_step = settings.time_step.unwrap_or_default();
         let motion = match &settings.dynamics {
             Some(dynamics) => {
@@ -169,6 +165,11 @@ impl Stepper {
                 Some(Motion::new(dynamics, time_step, mass, n))
             }
             None => None,
+        };
+        let nodal_mass = match &motion {
+            Some(motion) => motion.mass.weights(),
+            None if settings.density.is_empty() => Vec::new(),
+            None => nodal_weight(body, &settings.density)?,
         };
         if settings.relaxation.is_some() && body.element() != Element::P1 {
             return Err(Error::input(format!(

@@ -66,6 +66,31 @@ fn free_flight_keeps_its_momentum() {
     }
 }
 
+/// Gravity pulls at each node as at its mass, so what falls freely is not deformed.
+#[test]
+fn free_fall_has_no_strain() {
+    let gravity = [0.0, 3.0, -9.81];
+    for element in Element::ALL {
+        for mass in [Mass::Lumped, Mass::Consistent] {
+            for integration in [TRAPEZOID, Integration::BackwardEuler] {
+                let (points, cells) = block([3, 2, 2], [0.4, 0.2, 0.3]);
+                let material = Material::new("neo_hookean", vec![vec![1e4, 4e4]]).unwrap();
+                let body = Body::with_element(element, points, cells, material).unwrap();
+                let settings = dynamic(integration, mass, 1e-2);
+                let mut stepper = Stepper::new(&body, &[], None, settings).unwrap();
+                let input = Input { gravity, ..STILL };
+                let frames = (0..20).map(|_| stepper.frame(&body, &input).unwrap());
+                let energy = frames.last().unwrap().energy;
+                // Strains of the weight were rho g h / mu, some 0.3, and their energy some 10 J; what is left is rounding of terms of 1e3 J.
+                assert!(energy.abs() < 1e-12, "{element:?} {mass:?} {integration:?}: {energy} J");
+                let fallen = stepper.displacement().chunks_exact(3).map(|u| u[2]);
+                let (low, high) = (fallen.clone().fold(0.0, f64::min), fallen.fold(-1.0, f64::max));
+                assert!(low < -0.19 && high - low < 1e-9, "{element:?}: {low} {high}");
+            }
+        }
+    }
+}
+
 /// Strain and kinetic energy after each of some frames of a bent bar that is let go.
 fn energies(law: &str, settings: StepperSettings, frames: usize) -> Vec<f64> {
     let body = bar(law);
