@@ -1,5 +1,6 @@
 //! A law given to the cells of a body.
 
+use super::expression::Expression;
 use super::formula::FORMULA;
 use super::kernels::LawKernels;
 use super::several::SEVERAL;
@@ -111,8 +112,18 @@ impl Material {
         row.iter().fold(0.0, |max, p| p.abs().max(max))
     }
 
-    /// Whether the energy of a cell has a switch, where its power series ends: that of a law is the same in all its rows.
+    /// Whether the energy of a cell has a switch, where its power series ends.
     pub fn has_switch(&self) -> bool {
+        self.energies().iter().any(Expression::has_switch)
+    }
+
+    /// Whether the energy of a cell grows exponentially.
+    pub fn has_exponential(&self) -> bool {
+        self.energies().iter().any(Expression::has_exponential)
+    }
+
+    /// The energy of each law as an expression, if it has one; its form is the same in all rows.
+    fn energies(&self) -> Vec<Expression> {
         let mut laws: Vec<&[f64]> = self.rows.iter().map(Vec::as_slice).collect();
         if self.name.starts_with(SEVERAL) {
             // A row begins with the index of its law.
@@ -121,8 +132,7 @@ impl Material {
         } else {
             laws.truncate(1);
         }
-        let expression = |row| self.law.expression(row);
-        laws.into_iter().filter_map(expression).any(|energy| energy.has_switch())
+        laws.into_iter().filter_map(|row| self.law.expression(row)).collect()
     }
 
     /// Shear and bulk modulus at rest of a row of parameters [Pa].

@@ -392,6 +392,12 @@ impl Expression {
         nodes.iter().any(|&id| matches!(self.graph.node(id), Node::Step(..)))
     }
 
+    /// Whether it has an exponential, which reaches any number at a moderate strain.
+    pub fn has_exponential(&self) -> bool {
+        let nodes = self.graph.reached(&[self.energy]);
+        nodes.iter().any(|&id| matches!(self.graph.node(id), Node::Exp(..)))
+    }
+
     /// Takes the energy at rest off.
     pub fn count_from_rest(&mut self) {
         let image = |graph: &mut Graph, leaf: Node| match leaf {

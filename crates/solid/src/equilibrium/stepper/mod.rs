@@ -47,7 +47,7 @@ use regions::Regions;
 use relaxation::Relaxation;
 use std::sync::Arc;
 use std::time::Duration;
-use step::SOUND;
+use step::{MOST_ENERGY, SOUND};
 use turn::Turning;
 
 /// Part of the budget that is planned for, since an iteration may end a little late.
@@ -58,6 +58,12 @@ const LONGEST_BUDGET: f64 = 1e6;
 const TAIL_KEPT: f64 = 0.98;
 /// Decay per frame of the remembered time of a convex tangent, so that one is tried again after a slow one.
 const CONVEX_KEPT: f64 = 0.8;
+
+/// Strain energy beyond which no step leads [J]; infinite but for laws that grow exponentially.
+fn most_energy(body: &Body) -> f64 {
+    let is_bounded = body.material().has_exponential();
+    if is_bounded { MOST_ENERGY * body.energy_scale() } else { f64::INFINITY }
+}
 
 /// A body in the hands of a simulator.
 pub struct Stepper {
@@ -86,6 +92,8 @@ pub struct Stepper {
     magnitude: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
+    /// Strain energy beyond which no step leads [J].
+    most_energy: f64,
     /// Keeps the volume ratios of cells within bounds.
     barrier: VolumeBarrier,
     /// Part of their motion that the hands make in an iteration: 1, or less after a step was cut.
@@ -201,6 +209,7 @@ impl Stepper {
             regions: Regions::of(body),
             magnitude: 0.0,
             length: diagonal(body.points()),
+            most_energy: most_energy(body),
             barrier,
             motion_fraction: 1.0,
             hands_move: false,

@@ -22,6 +22,10 @@ const MAX_CUTS: usize = 14;
 /// its volume either: a step that says so has been yanked too far for its tangent.
 pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
 
+/// Strain energy that a step may end with, over the modulus of the body times its volume, for laws that stiffen
+/// exponentially: they reach any number at a stretch of two or three, where a tangent drowns all others in rounding.
+pub(super) const MOST_ENERGY: f64 = 10.0;
+
 /// Smallest part of their motion that hands make in an iteration, however often it is cut.
 const SMALLEST_FRACTION: f64 = 1e-3;
 
@@ -357,19 +361,26 @@ impl Stepper {
         self.trial.iter_mut().zip(places).for_each(|(trial, (u, s))| *trial = u + length * s);
     }
 
-    /// Strain energy and internal force on trial, infinite where a cell is out of bounds or too close to one.
+    /// Strain energy and internal force on trial, infinite where a cell is out of bounds or too close to one, or where the
+    /// energy is out of its own.
     fn force_within_bounds(&mut self, body: &Body) -> f64 {
         let (u, force) = (&self.trial, &mut self.internal);
         let energy = body.internal_force_within(u, self.barrier.inner(), force);
         if energy.is_finite() {
+            if self.is_too_high(body, energy) {
+                return f64::INFINITY;
+            }
             self.barrier.forget();
             return energy;
         }
         let energy = body.internal_force_within(u, self.barrier.range(), force);
-        if energy.is_finite() && !self.barrier.follow(body, u) {
-            return f64::INFINITY;
-        }
-        energy
+        let is_sound = energy.is_finite() && !self.is_too_high(body, energy);
+        if is_sound && self.barrier.follow(body, &self.trial) { energy } else { f64::INFINITY }
+    }
+
+    /// Whether a strain energy on trial is beyond what frames go to, and not below that of the present.
+    fn is_too_high(&self, body: &Body, energy: f64) -> bool {
+        energy > self.most_energy && energy >= body.energy(&self.displacement)
     }
 
     /// From the law's internal force to that of tissue that remembers, and of cells next to a bound.

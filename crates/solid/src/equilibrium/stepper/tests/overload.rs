@@ -95,6 +95,54 @@ fn so_it_does_by_conjugate_gradients_and_in_three_iterations_a_frame() {
     }
 }
 
+/// Laws that stiffen exponentially: an end is moved by half the length within two frames, at once, and let go.
+#[test]
+fn exponential_laws_do_not_lock() {
+    let fibres = [0.96, 0.28, 0.0, 0.96, -0.28, 0.0];
+    let artery = |k2: f64| [&[3e3, 2.4e3, k2, 0.0, 3e4][..], &fibres].concat();
+    let laws = [
+        ("fung", vec![1e3, 5.0, 1e4]),
+        ("fung", vec![1e3, 50.0, 1e4]),
+        ("veronda_westmann", vec![200.0, 5.0, 3e4]),
+        ("holzapfel_gasser_ogden", artery(12.0)),
+        ("holzapfel_gasser_ogden", artery(500.0)),
+    ];
+    for (law, parameters) in laws {
+        for iterations in [1, 5] {
+            for settings in schemes() {
+                let settings = StepperSettings { iterations, ..settings };
+                for direction in [[0.5, 0.0, 0.0], [0.0, 0.3, -0.5]] {
+                    returns(law, &parameters, direction, &settings);
+                }
+            }
+        }
+    }
+}
+
+fn returns(law: &str, parameters: &[f64], way: [f64; 3], settings: &StepperSettings) {
+    let body = body(law, parameters, [4, 2, 2], SIZE);
+    let mut stepper = held(&body, settings.clone());
+    let means = [way.map(|x| SIZE[0] * x)];
+    let mut farthest = 0.0f64;
+    let case = format!("{law} {parameters:?} {way:?} {settings:?}");
+    let size = |u: &[f64]| u.iter().fold(0.0f64, |largest, u| largest.max(u.abs()));
+    for _ in 0..2 {
+        let frame = stepper.frame(&body, &press(&means)).unwrap();
+        assert!(frame.residual.is_finite(), "{case}: {frame:?}");
+        farthest = farthest.max(size(stepper.displacement()));
+    }
+    stepper.grasp(&body, &[], &[]).unwrap();
+    let mut last = None;
+    for k in 0..400 {
+        let frame = stepper.frame(&body, &STILL).unwrap();
+        assert!(frame.residual.is_finite(), "frame {k} of {case}: {frame:?}");
+        last = Some(frame);
+    }
+    let (rest, last) = (size(stepper.displacement()), last.unwrap());
+    assert!(last.taken == 1.0 && last.cells_at_bound == 0, "{case}: {last:?}");
+    assert!(rest < 0.05 * SIZE[0], "{case}: {rest} of {farthest} m, {last:?}");
+}
+
 /// A bar whose noise takes cells next to both bounds, with their points.
 fn strained(element: Element) -> (Body, Vec<f64>) {
     let (points, cells) = block([2, 1, 1], [0.2, 0.1, 0.1]);
