@@ -149,8 +149,8 @@ class Statics(Supported):
         Each expansion is u(a) = sum_p a^p u_p, where all orders share one tangent. The next one begins at the end of
         its range. The parameter a is the "load", or the "arc length", which passes limit points.
         force, traction, pressure: as in `solve`, at load 1. A pressure follows the surface.
-        A law with a switch (fibres that go slack, max, min) ends an expansion wherever one turns over; if that takes more
-        than `max_expansions`, it is an error.
+        A law with a switch (fibres that go slack, max, min) ends an expansion wherever one turns over; if that takes
+        more than `max_expansions`, it is an error.
         Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
 
         >>> import viscera as vs

@@ -9,6 +9,7 @@ import pytest
 
 import viscera as vs
 from viscera._core import vector_pade
+from viscera.law import Law
 from viscera.path import Expansion
 
 
@@ -72,7 +73,7 @@ SWITCHES = [
 
 
 @pytest.mark.parametrize("law", SWITCHES, ids=["fibres", "max"])
-def test_a_path_crosses_the_switches_of_a_law(law: vs.Law) -> None:
+def test_a_path_crosses_the_switches_of_a_law(law: Law) -> None:
     organ = vs.Organ(vs.organs.beam(), law, fixed="clamp", element="P1")
     force = {"tip": (0.0, 0.0, -0.2)}
     path = organ.path(force=force)
