@@ -29,6 +29,9 @@ pub struct About {
     pub diagonal: f64,
     /// To begin with [m/s^2].
     pub gravity: [f64; 3],
+    /// Kinds of loads of the case file that are not applied.
+    #[serde(default)]
+    pub left_out: Vec<String>,
 }
 
 /// An organ, and the laws to choose from.

@@ -69,6 +69,7 @@ impl Live {
             "diagonal": about.diagonal,
             "radius": about.radius,
             "gravity": about.gravity,
+            "left_out": about.left_out,
             "rest": rest,
             "triangles": surface.triangles().iter().flatten().map(row).collect::<Vec<_>>(),
         })
@@ -101,7 +102,8 @@ impl Live {
         Some(fault)
     }
 
-    /// Carries out a request. An impossible one is refused before anything changes.
+    /// Carries out a request. An impossible one is refused before anything changes, but for two hands at one place:
+    /// what comes before the second one has been done.
     fn follow(&mut self, request: Request) -> Result<(), Error> {
         let gestures = request.gestures();
         let mut grabbed = [None, None];
@@ -151,7 +153,10 @@ impl Live {
     fn hold(&mut self, hand: usize, patch: Option<Patch>) -> Result<(), Error> {
         let mut patches = self.patches.clone();
         patches[hand] = patch;
-        self.specimens.iter_mut().try_for_each(|specimen| specimen.hold(&patches))?;
+        let held = self.specimens.iter_mut().try_for_each(|specimen| specimen.hold(&patches));
+        // Either patch can be held alone, or `patch` would not have found it.
+        let are_both = patches.iter().all(Option::is_some);
+        held.map_err(|error| if are_both { at_one_place() } else { error })?;
         self.patches = patches;
         Ok(())
     }
@@ -160,8 +165,9 @@ impl Live {
         let radius = self.case.about.radius;
         let is_fixed = |node: u32| self.case.fixed.binary_search(&node).is_ok();
         self.surface.patch_at_point(point, radius, &is_fixed).ok_or_else(|| {
+            let ([x, y, z], radius) = (point.map(millimetres), millimetres(radius));
             Error::input(format!(
-                "there is no free surface within {radius} m of the point {point:?}; take hold elsewhere"
+                "there is no free surface within {radius} mm of the point ({x}, {y}, {z}) mm; take hold elsewhere"
             ))
         })
     }
@@ -179,4 +185,13 @@ impl Live {
         }
         Ok(frame)
     }
+}
+
+fn at_one_place() -> Error {
+    Error::input("both hands hold the same place; take hold elsewhere")
+}
+
+/// A length [m] in millimetres, to a tenth; never -0.
+fn millimetres(length: f64) -> f64 {
+    (1e4 * length).round() / 10.0 + 0.0
 }

@@ -149,10 +149,28 @@ fn two_hands_find_the_equilibrium_and_let_go_one_by_one() {
 fn two_hands_at_one_place_are_a_sentence_and_the_first_holds_on() {
     let mut live = live();
     let held = settle(&mut live, json!({"grab": TIP, "move": [0.0, 0.0, -0.02]}));
-    let second = json!({"second": {"grab": TIP, "move": [0.0, 0.0, -0.01]}}).to_string();
-    assert!(live.answer(&second).unwrap_err().to_string().contains("are the same"));
+    for place in [TIP, [0.398, 0.05, 0.1]] {
+        let second = json!({"second": {"grab": place, "move": [0.0, 0.0, -0.01]}}).to_string();
+        let sentence = live.answer(&second).unwrap_err().to_string();
+        assert!(sentence.contains("both hands hold the same place; take hold elsewhere"));
+    }
     let after = live.answer("{}").unwrap();
     assert!((after[3] - held[3]).abs() < 1e-6 * held[3].abs());
+}
+
+#[test]
+fn where_nothing_can_be_held_is_said_in_millimetres() {
+    let refusal = live().answer(r#"{"grab": [-0.0300004, 1e-17, 0.05]}"#).unwrap_err().to_string();
+    let words = "no free surface within 60 mm of the point (-30, 0, 50) mm; take hold elsewhere";
+    assert!(refusal.contains(words), "{refusal}");
+}
+
+#[test]
+fn loads_that_are_left_out_are_told() {
+    let told = |live: Live| serde_json::from_str::<Value>(&live.describe()).unwrap();
+    let bytes = case(|about| about["left_out"] = json!(["force", "pressure"]));
+    assert_eq!(told(Live::open(&bytes).unwrap())["left_out"], json!(["force", "pressure"]));
+    assert_eq!(told(live())["left_out"], json!([]));
 }
 
 #[test]

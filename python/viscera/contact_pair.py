@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from viscera import _core
 from viscera.bond import Side, side_of
 from viscera.contact import BONDED, FRICTION, STIFFNESS
 from viscera.errors import VisceraError
 from viscera.loads import name_of
-from viscera.mesh import Indices, Where
+from viscera.mesh import Indices, Mesh, Where
 from viscera.quantity import Number
 from viscera.ties import NONE, Surfaces, Ties
 
 FACTOR = Number(above=0)
 REACH, OWN_REACH = "5%", "2%"
 """How near two surfaces, and one that touches itself, are looked at."""
+SHALLOW = 1e-4
+"""Depth in another organ that is rounding, over the diagonal of both, as in `crates/solid/src/contact/pair.rs`."""
 
 
 class ContactPair:
@@ -88,6 +91,45 @@ class ContactPair:
         first, *rest = (np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces)
         second = rest[0] if rest else None
         return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness, self.friction),))
+
+
+def refuse_overlap(pair: ContactPair, meshes: Mapping[str, Mesh]) -> None:
+    """Raise `VisceraError` if the middle of a cell of one organ of a pair lies in the other."""
+    # The core looks for points of one surface in the other organ. Of two organs in one place there is none.
+    if pair.second is None or pair.first[0] == pair.second[0]:
+        return
+    sides = [(meshes[name], where) for name, where in pair.sides]
+    corners = np.concatenate([mesh.bounding_box for mesh, _ in sides])
+    allowed = SHALLOW * float(np.linalg.norm(np.ptp(corners, axis=0)))
+    for one, other in ((0, 1), (1, 0)):
+        cell, depth = _deepest(*sides[one], *sides[other])
+        if depth > allowed:
+            name, its = pair.sides[one][0], pair.sides[other][0]
+            at = ", ".join(f"{x:.6f}" for x in sides[one][0].centroids[cell])
+            raise VisceraError(
+                f"the organs of {pair!r} overlap at rest: the point ({at}) m, the middle of cell {cell} of {name!r}, "
+                f"is {depth:.3e} m inside {its!r}; at most {allowed:.1e} m is rounding. Move them apart (by `position` "
+                "in a case file), correct the meshes, or name only what faces each other from outside"
+            )
+
+
+def _deepest(mesh: Mesh, where: Where | None, other: Mesh, there: Where | None) -> tuple[int, float]:
+    """Of the cells at a place, the one whose middle is deepest in another mesh behind a place of its surface, and its
+    depth [m]; 0 if none is in it."""
+    is_at = True if where is None else np.isin(mesh.cells, mesh.nodes(where)).sum(axis=1) >= 3
+    low, high = other.bounding_box
+    cells = np.flatnonzero(((mesh.centroids > low) & (mesh.centroids < high)).all(axis=1) & is_at)
+    if len(cells):
+        cells = cells[_core.Locator(other.points, other.cells).find(mesh.centroids[cells])[0] >= 0]
+    if not len(cells):
+        return 0, 0.0
+    triangles, weights = _core.Surface(other.points, other.surface).closest_to_each(mesh.centroids[cells])
+    corners = other.surface[triangles]
+    closest = np.einsum("kc,kcd->kd", weights, other.points[corners])
+    depths = np.linalg.norm(mesh.centroids[cells] - closest, axis=1)
+    if there is not None:
+        depths[~np.isin(corners, other.nodes(there)).all(axis=1)] = 0.0
+    return int(cells[depths.argmax()]), float(depths.max())
 
 
 def unknown_contact(tool: Any, of: str, remedy: str) -> VisceraError:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from viscera import _core
 from viscera import law as laws
 from viscera.bond import Bond
-from viscera.contact import AnyShape, Tool, tools_of
-from viscera.contact_pair import ContactPair
+from viscera.contact import AnyShape, Tool, refuse_twice, tools_of
+from viscera.contact_pair import ContactPair, refuse_overlap
 from viscera.errors import VisceraError, did_you_mean
 from viscera.loads import faces_within
 from viscera.mesh import Floats, Indices, Mesh, Where
@@ -44,12 +44,12 @@ class Scene(Organ):
         the scene's mesh are `"liver"` for all nodes or cells of an organ and `"liver/hilum"` for its sets;
         `Scene.place` gives any other place.
     bodies: rigid bodies, as the tools of `Organ.solve(contact=)`: a table, a retractor. They act in every solve and in
-        every stepper. They touch all organs.
+        every stepper, where they stand still: a stepper refuses a body with a motion. They touch all organs.
     bonds: what holds organs together: `Bond` of two surfaces, `Spring` between places, such as "liver/hilum".
     contacts: what may touch: each a `ContactPair` of two organs, of two places of one, or of one with itself.
-    Raises `VisceraError` for organs of several elements, for names that are unknown, for a bond of surfaces that do not
-    lie on each other, for a contact pair of surfaces that overlap or have a node in common, and if nothing holds an
-    organ.
+    Raises `VisceraError` for organs of several elements, for names that are unknown, for what is named twice, for a
+    bond of surfaces that do not lie on each other, for a contact pair of organs that overlap or of places that have a
+    node in common, and if nothing holds an organ.
 
     >>> import viscera as vs
     >>> beam = vs.organs.beam()
@@ -94,6 +94,8 @@ class Scene(Organ):
             super().__init__(mesh, law, fixed=fixed, element=first.element, supports=held)
         except VisceraError as error:
             raise VisceraError(self._told(str(error))) from error
+        for pair in self.contacts:
+            refuse_overlap(pair, {name: organ.mesh for name, organ in self.organs.items()})
         self._bodies = tools_of(list(bodies))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -267,7 +269,9 @@ def _list_of(given: Any, name: str, what: str) -> tuple[Any, ...]:
     """What a scene holds together, or raise `VisceraError` if it is no list."""
     if not isinstance(given, Iterable) or isinstance(given, str):
         raise refused(f"the {name} of a scene", f"a list of {what}", given)
-    return tuple(given)
+    found = tuple(given)
+    refuse_twice(found, f"the {name} of a scene")
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,9 +142,11 @@ class State(Deformed, Pictured):
         >>> state.contact(tool).touching > 0
         True
         """
-        for known, contact in self._tools:
-            if known is tool or known.shape is tool:
-                return contact
+        found = [contact for known, contact in self._tools if known is tool or known.shape is tool]
+        if len(found) > 1:
+            raise VisceraError(f"{len(found)} tools of this solve have the shape {tool!r}; ask by one of these tools")
+        if found:
+            return found[0]
         for pair, contact in self._pairs:
             if pair.is_same(tool):
                 return contact

@@ -103,7 +103,7 @@ class Statics(Supported):
             acceleration = vector(gravity, "gravity", "m/s^2")
             weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
         means = [mean for _, mean in moved.patches]
-        tools = [*tools_of(contact), *self._bodies]
+        tools = [*tools_of(contact, self._bodies), *self._bodies]
         began = perf_counter()
         result = self._body.solve(
             prescribed=moved.dofs,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -73,6 +74,13 @@ class Stepper:
         for body in organ._bodies:
             self.tool(body)
 
+    def __reduce__(self) -> NoReturn:
+        """For pickle and copy: refused, as only the compiled core knows all that a stepper goes on from."""
+        raise VisceraError(
+            "a stepper can be neither copied nor pickled, nor can its tools, hands and forceps, nor frames with them; "
+            "keep the organ and an array such as frame.displacement, and go on with organ.stepper(start=...)"
+        )
+
     @property
     def displacement(self) -> Floats:
         """Displacement (n, 3) after the last frame [m]."""
@@ -115,13 +123,14 @@ class Stepper:
     def tool(
         self,
         shape: AnyShape | Tool,
-        position: ArrayLike = (0.0, 0.0, 0.0),
+        position: ArrayLike | None = None,
         rotation: ArrayLike | None = None,
         *,
-        friction: float | str = 0.0,
+        friction: float | str | None = None,
     ) -> Instrument:
         """Add a rigid tool, with the arguments of `viscera.Tool`; it acts from the next frame on.
 
+        A `Tool` has its own pose and friction, must have no motion, and is one instrument of the stepper alone.
         It must start outside the organ. It goes where it is told, however large its force becomes; to limit the force,
         drive it through a coupling, such as a spring.
 
@@ -134,7 +143,11 @@ class Stepper:
         >>> frame.is_settled
         True
         """
-        tool = shape if isinstance(shape, Tool) else Tool(shape, position, rotation, friction=friction)
+        told: dict[str, Any] = {"position": position, "rotation": rotation, "friction": friction}
+        given = {name: value for name, value in told.items() if value is not None}
+        if isinstance(shape, Tool):
+            self._may_take(shape, given)
+        tool = shape if isinstance(shape, Tool) else Tool(shape, **given)
         made = Instrument(self, tool, self._core.add_tool(tool._spec()))
         self._tools.append(made)
         return made
@@ -274,6 +287,20 @@ class Stepper:
                 (each, each._feel([felt[jaw] for jaw in each.jaws], result["is_settled"])) for each in self._forceps
             ],
         )
+
+    def _may_take(self, tool: Tool, given: Mapping[str, Any]) -> None:
+        """Raise `VisceraError` for a tool that this stepper has, that moves by itself, or that is told otherwise."""
+        if given:
+            raise VisceraError(f"{tool!r} has its own {next(iter(given))}; leave it out, or give the shape of the tool")
+        if tool._moves:
+            raise VisceraError(
+                f"{tool!r} has a displacement or a turn, by which only a solve moves it; in frames the bodies of a "
+                "scene stand still, and other tools go where they are moved: leave both out, or take tool.arrived()"
+            )
+        if any(made._tool is tool for made in self._tools):
+            raise VisceraError(
+                f"{tool!r} is in this stepper already and would act twice; name it once, as a body of the scene or here"
+            )
 
     def _hold(self, motion: PrescribedMotion) -> None:
         if not self._may_float:

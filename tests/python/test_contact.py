@@ -4,14 +4,21 @@ import importlib
 import itertools
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.rotation import rotation_matrix
 
 SIDE = 0.1
 SOFT = vs.NeoHookean(young=10e3, poisson=0.3)
+
+
+def wrong(value: object) -> Any:
+    """For arguments that the types forbid."""
+    return value
 
 
 def block(n: int = 4, side: float = SIDE) -> vs.Mesh:
@@ -154,6 +161,95 @@ def test_two_tools_each_feel_their_own(organ: vs.Organ) -> None:
     assert frame.contact(right).gap > 0.0
 
 
+def test_an_assigned_pose_is_that_of_the_next_frame(organ: vs.Organ) -> None:
+    """As by `move` and `turn`, to the last bit."""
+    forces = []
+    for assigns in (False, True):
+        stepper = organ.stepper(iterations=10)
+        tool = stepper.tool(vs.Capsule(0.02, 0.03), position=(0.05, 0.05, SIDE + 0.02), rotation=(0, np.pi / 2, 0))
+        first = stepper.frame().force(tool)
+        if assigns:
+            tool.position = np.add(tool.position, (0, 0, -0.004))
+            tool.rotation = rotation_matrix((0, 0.1, 0)) @ tool.rotation
+        else:
+            tool.move((0, 0, -0.004))
+            tool.turn((0, 0.1, 0))
+        forces.append(stepper.frame().force(tool))
+        assert forces[-1][2] < first[2] - 0.1
+    assert forces[0].tolist() == forces[1].tolist()
+
+
+def test_a_pose_is_not_changed_in_place(organ: vs.Organ) -> None:
+    template = vs.Tool(vs.Sphere(0.02), position=(0.05, 0.05, SIDE + 0.02))
+    tool = organ.stepper().tool(template)
+    for pose in (tool.position, tool.rotation):
+        with pytest.raises(ValueError, match="read-only"):
+            pose += 0.001
+    tool.position = (0.05, 0.05, SIDE + 0.03)
+    assert template.position.tolist() == [0.05, 0.05, SIDE + 0.02]
+    for name, value in (("position", (0, 0, np.nan)), ("position", None), ("rotation", 2 * np.eye(3))):
+        with pytest.raises(vs.VisceraError, match=f"the {name} of a tool must be"):
+            setattr(tool, name, value)
+    assert tool.position.tolist() == [0.05, 0.05, SIDE + 0.03]
+    tool.remove()
+    with pytest.raises(vs.VisceraError, match="there is no tool"):
+        tool.position = (0.05, 0.05, SIDE + 0.04)
+
+
+def test_what_is_assigned_to_a_tool_is_checked(organ: vs.Organ) -> None:
+    """Tuples become arrays as in the constructor, and what it refuses is refused in the same words."""
+    tool = above(vs.Sphere(0.03), 0.03)
+    tool.displacement = wrong((0, 0, -0.008))
+    tool.rotation = wrong((0, 0, 1.0))
+    assert tool.rotation[0, 0] == pytest.approx(np.cos(1.0))
+    other = above(vs.Sphere(0.03), 0.03, displacement=(0, 0, -0.008))
+    forces = [organ.solve(contact=[each]).force(each) for each in (tool, other)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-6, abs=1e-9)
+    for name, value in {
+        "shape": 3,
+        "position": (0, 0),
+        "rotation": 2 * np.eye(3),
+        "friction": "sticky",
+        "displacement": (0, 0, np.nan),
+        "turn": "half",
+        "stiffness": 0.0,
+    }.items():
+        told = {"shape": vs.Sphere(0.03), name: value}
+        with pytest.raises(vs.VisceraError, match=f"the {name} of a tool must be") as made:
+            vs.Tool(**told)  # type: ignore[arg-type]
+        with pytest.raises(vs.VisceraError) as assigned:
+            setattr(tool, name, value)
+        assert str(assigned.value) == str(made.value)
+
+
+def test_a_tool_is_named_once(organ: vs.Organ) -> None:
+    shape = vs.Sphere(0.02)
+    left, right = (vs.Tool(shape, position=(x, 0.05, SIDE + 0.02), displacement=(0, 0, -0.004)) for x in (0.02, 0.08))
+    for twice in ([left, right, left], [shape, shape]):
+        with pytest.raises(vs.VisceraError, match=r"contact: .*Sphere.* is named twice and would act twice"):
+            organ.solve(contact=twice)
+    state = organ.solve(contact=[left, right])
+    assert state.force(left)[2] < -0.1
+    with pytest.raises(vs.VisceraError, match=r"2 tools of this solve have the shape Sphere\(radius=0.02\); ask by"):
+        state.force(shape)
+    assert organ.solve(contact=[left]).force(shape)[2] < -0.1
+
+
+def test_a_stepper_takes_a_tool_as_it_is_and_once(organ: vs.Organ) -> None:
+    stepper = organ.stepper()
+    tool = vs.Tool(vs.Sphere(0.02), position=(0.05, 0.05, SIDE + 0.02), friction=0.2)
+    for name, value in {"position": (0, 0, 1), "rotation": np.eye(3), "friction": 0.5}.items():
+        with pytest.raises(vs.VisceraError, match=f"has its own {name}; leave it out"):
+            stepper.tool(tool, **wrong({name: value}))
+    stepper.tool(tool)
+    with pytest.raises(vs.VisceraError, match="is in this stepper already and would act twice"):
+        stepper.tool(tool)
+    for motion in ({"displacement": (0, 0, -0.001)}, {"turn": (0, 0, 0.1)}):
+        with pytest.raises(vs.VisceraError, match="by which only a solve moves it; in frames the bodies"):
+            stepper.tool(vs.Tool(vs.Sphere(0.02), position=(0.02, 0.05, SIDE + 0.02), **wrong(motion)))
+    assert len(stepper._tools) == 1
+
+
 def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
     sphere = vs.Sphere(0.02)
     closed = block(1)
@@ -164,6 +260,8 @@ def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
         "rounding of a box is 0.1": lambda: vs.Box((0.1, 0.1, 0.1), rounding=0.1),
         "not closed": lambda: vs.Shape((closed.points, closed.surface[1:])),
         "inside out": lambda: vs.Shape((closed.points, closed.surface[:, ::-1])),
+        "this one has no triangles": lambda: vs.Shape((closed.points, np.zeros((0, 3)))),
+        r"uses point 7e\+20; it has 8 points": lambda: vs.Shape((closed.points, closed.surface * 1e20)),
         "must be indices": lambda: vs.Shape((closed.points, closed.surface - 1.5)),
         "position of a tool must be three finite": lambda: vs.Tool(sphere, position=(0, 0, np.nan)),
         "orthogonal matrix": lambda: vs.Tool(sphere, rotation=2 * np.eye(3)),

@@ -10,6 +10,7 @@ import pytest
 
 import viscera as vs
 from viscera.errors import VisceraError
+from viscera.rotation import rotation_matrix
 
 Block = Callable[..., tuple[np.ndarray, np.ndarray]]
 FRICTION, GRIP = 0.3, 1.0
@@ -94,6 +95,42 @@ def test_force_and_torque_balance_the_support(organ: vs.Organ) -> None:
     assert abs(torque[1]) > 1e-4
     assert forces.sum(axis=0) == pytest.approx(-force, abs=1e-6)
     assert moment == pytest.approx(-torque - np.cross(forceps.position, force), abs=1e-7)
+
+
+def test_an_assigned_pose_or_opening_moves_the_jaws(organ: vs.Organ) -> None:
+    """As by `place`, `turn` and `close`, to the last bit, the torque included."""
+    told = []
+    for assigns in (False, True):
+        stepper, forceps = squeezed(organ)
+        if assigns:
+            forceps.position = np.add(forceps.position, (0, 0, 0.0005))
+            forceps.rotation = rotation_matrix((0, 0, 0.02)) @ forceps.rotation
+            forceps.opening = forceps.opening - 0.0005
+        else:
+            forceps.move((0, 0, 0.0005))
+            forceps.turn((0, 0, 0.02))
+            forceps.close("0.5 mm")
+        frame = stepper.frame()
+        told.append([*frame.force(forceps), *frame.torque(forceps), forceps.grip])
+        assert forceps.grip > 1.1 * GRIP  # the squeeze has ended
+    assert told[0] == told[1]
+
+
+def test_a_pose_is_not_changed_in_place(organ: vs.Organ) -> None:
+    _, forceps = gripping(organ)
+    for pose in (forceps.position, forceps.rotation):
+        with pytest.raises(ValueError, match="read-only"):
+            pose += 0.001
+    wrong: dict[str, Any] = {"position": (0, 0), "rotation": 2 * np.eye(3), "opening": -0.01}
+    for name, value in wrong.items():
+        with pytest.raises(vs.VisceraError, match=f"the {name} of forceps must be"):
+            setattr(forceps, name, value)
+    forceps.opening = "22 mm"
+    assert forceps.opening == 0.022
+    forceps.remove()
+    for name, value in {"position": (0, 0, 0), "rotation": None, "opening": 0.02}.items():
+        with pytest.raises(vs.VisceraError, match="these forceps were removed"):
+            setattr(forceps, name, value)
 
 
 def test_jaws_that_meet_stop_and_grip_nothing(organ: vs.Organ) -> None:

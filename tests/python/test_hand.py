@@ -119,6 +119,32 @@ def test_a_patch_is_held_by_its_mean_rotation(organ: vs.Organ) -> None:
     assert np.abs(places - places.mean(axis=0) - rigid).max() > 1e-4
 
 
+def test_an_assigned_pose_is_that_of_place(organ: vs.Organ) -> None:
+    """On a patch, which holds its rotation from then on; what `place` refuses is refused."""
+    torques = []
+    for assigns in (False, True):
+        stepper = organ.stepper(iterations=20)
+        hand = stepper.grasp(organ.patch((0.4, 0.05, 0.05), radius=0.09))
+        turn = rotation_matrix((0.1, 0, 0))
+        if assigns:
+            hand.rotation = turn
+            hand.position = np.add(hand.position, (0, 0, -0.002))
+            hand.position += (0, 0, -0.002)
+        else:
+            hand.place(np.add(hand.position, (0, 0, -0.004)), turn)
+        torques.append(stepper.frame().torque(hand))
+    assert torques[0][0] > 0.1
+    assert torques[0] == pytest.approx(torques[1], rel=1e-9)
+    with pytest.raises(ValueError, match="read-only"):
+        hand.rotation += 0.1
+    with pytest.raises(VisceraError, match="the position of a hand must be"):
+        hand.position = (0, 0, np.nan)
+    hand.pull((0, 0, -1.0))
+    for name, value in {"position": hand.position, "rotation": turn}.items():
+        with pytest.raises(VisceraError, match="a hand that a force pulls cannot be placed"):
+            setattr(hand, name, value)
+
+
 def test_what_is_turned_and_let_go_comes_back(organ: vs.Organ) -> None:
     stepper = organ.stepper(iterations=20, settled=1e-9)
     hand = stepper.grasp(organ.patch((0.4, 0.05, 0.05), radius=0.09))

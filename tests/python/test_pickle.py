@@ -97,3 +97,22 @@ def test_a_state_with_the_patch_that_it_moved(organ: vs.Organ, again: Callable[[
     assert other.reaction("root").tolist() == state.reaction("root").tolist()
     with pytest.raises(vs.VisceraError, match="was not prescribed"):
         other.reaction(organ.patch((0.4, 0.05, 0.1), "5 cm"))
+
+
+@pytest.mark.parametrize("again", COPIES[1:])
+@pytest.mark.parametrize("of", ["stepper", "tool", "hand", "forceps", "frame"])
+def test_a_stepper_says_what_to_keep_instead(bar: vs.Mesh, of: str, again: Callable[[Any], Any]) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), "root")
+    stepper = organ.stepper(iterations=10)
+    made: dict[str, Any] = {
+        "stepper": stepper,
+        "tool": stepper.tool(vs.Sphere(0.03), position=(0.35, 0.05, 0.14)),
+        "hand": stepper.grasp("tip"),
+        "forceps": stepper.forceps(vs.Sphere(0.02), (0.2, 0.05, 0.05), (0, 0, np.pi / 2), opening=0.12),
+    }
+    made["hand"].move((0, 0, -0.002))
+    frame = made["frame"] = stepper.frame()
+    with pytest.raises(vs.VisceraError, match=r"neither copied nor pickled.* keep the organ .*stepper\(start=...\)"):
+        again(made[of])
+    other, displacement = again((organ, frame.displacement))
+    assert np.array_equal(other.stepper(start=displacement).displacement, frame.displacement)

@@ -158,6 +158,57 @@ def test_organs_lie_on_a_table() -> None:
     assert frame.contact(table).force == pytest.approx(state.force(table), abs=1e-3 * weight)
 
 
+def test_bodies_stand_still_in_frames_or_are_refused() -> None:
+    """A motion would be dropped: `arrived` is the body where a solve has left it."""
+    ball = vs.Tool(vs.Sphere(0.03), position=(0.05, 0.05, SIDE + 0.03), displacement=(0, 0, -0.004))
+    organs = {"block": vs.Organ(block(3), SOFT, fixed="base")}
+    scene = vs.Scene(organs, bodies=[ball])
+    state = scene.solve()
+    with pytest.raises(vs.VisceraError, match="by which only a solve moves it; in frames the bodies of a scene stand"):
+        scene.stepper()
+    there = ball.arrived()
+    frame = vs.Scene(organs, bodies=[there]).stepper(start=state, iterations=20, settled=1e-6).frame()
+    assert frame.is_settled
+    assert frame.contact(there).force == pytest.approx(state.force(ball), abs=1e-3 * abs(state.force(ball)[2]))
+
+
+def test_what_acts_is_named_once() -> None:
+    """Twice, it would act twice, and its report tell a half."""
+    organs = {"lower": vs.Organ(block(2), SOFT, fixed="base"), "upper": vs.Organ(block(3, SIDE), SOFT, fixed="top")}
+    table, bond, pair = vs.Tool(vs.HalfSpace()), vs.Bond("lower", "upper"), vs.ContactPair("lower", "upper")
+    spring, plate = vs.Spring("lower/west", "upper/west", stiffness=1.0), vs.HalfSpace()
+    twice: dict[str, list[Any]] = {"bodies": [table], "bonds": [bond], "contacts": [pair]}
+    for name, (each,) in {**twice, "bonds ": [spring]}.items():
+        with pytest.raises(vs.VisceraError, match=rf"the {name.strip()} of a scene: {type(each).__name__}.* twice"):
+            vs.Scene(organs, **{name.strip(): [each, each]})
+    scene = vs.Scene(organs, bodies=[table, plate])
+    for each in (table, plate):
+        with pytest.raises(vs.VisceraError, match="is a body of the scene, which acts in every solve; leave it out"):
+            scene.solve(contact=[each])
+    other = vs.Tool(plate, position=(0, 0, -0.5))
+    assert scene.solve(contact=[other]).contact(other).touching == 0
+    with pytest.raises(vs.VisceraError, match="is in this stepper already"):
+        scene.stepper().tool(table)
+
+
+def test_organs_in_one_place_are_no_contact_pair() -> None:
+    """No point of the surface of one is inside the other. The bar that crosses a block has no corner in it, either."""
+    lower, crossing = vs.Organ(block(3), SOFT, fixed="base"), block(1)
+    bar = vs.mesh((crossing.points - 0.5 * SIDE) * (3.0, 0.2, 0.2) + 0.5 * SIDE, crossing.cells, crossing.sets)
+    top = ("lower", "top"), ("upper", "top")
+    meshes = {"P1": block(3), "P2": block(3), "moved": block(3, 1e-6), "bar": bar}
+    for name, mesh in meshes.items():
+        element = "P2" if name == "P2" else "P1"
+        organs = {
+            "lower": vs.Organ(lower.mesh, SOFT, fixed="base", element=element),
+            "upper": vs.Organ(mesh, SOFT, fixed="base", element=element),
+        }
+        for sides in (("lower", "upper"), top) if name != "bar" else (("lower", "upper"),):
+            with pytest.raises(vs.VisceraError, match=r"overlap at rest: the point \(.* m inside '?(lower|upper|the)"):
+                vs.Scene(organs, contacts=[vs.ContactPair(*sides)])
+        vs.Scene(organs)  # without a pair they may
+
+
 @pytest.mark.parametrize(
     ("made", "said"),
     [

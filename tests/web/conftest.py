@@ -16,11 +16,18 @@ from typing import Any
 import pytest
 
 import viscera as vs
-from viscera.viewer import Server, page, serve
+from viscera.case import Case, read_case
+from viscera.viewer import Server, page, serve, serve_live
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # A machine without a graphics card draws in software.
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+CASE = """
+mesh = "bar.vtu"
+units = "m"
+fixed = "root"
+material = {law = "NeoHookean", young = 1e5, poisson = 0.45}
+"""
 SHOTS = Path(__file__).resolve().parents[2] / "out" / "viewer"
 
 
@@ -177,3 +184,37 @@ def viewer(look_at: Callable[..., Viewer], server: Server) -> Iterator[Viewer]:
     opened = look_at(server.url)
     yield opened
     opened.close()
+
+
+@pytest.fixture(scope="module")
+def case(bar: vs.Mesh, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    """The bar as a case file, to be stepped."""
+    folder = tmp_path_factory.mktemp("case")
+    bar.write(folder / "bar.vtu")
+    (folder / "bar.toml").write_text(CASE)
+    return read_case(folder / "bar.toml")
+
+
+@pytest.fixture(scope="module", params=["in this page", "on this machine"])
+def live(
+    request: pytest.FixtureRequest, look_at: Callable[..., Viewer], server: Server, case: Case
+) -> Iterator[Viewer]:
+    """One page of the case for a whole module, which steps it itself or has it stepped."""
+    with serve_live(case, "Bar", in_page=request.param == "in this page") as running:
+        viewer = look_at(running.url)
+        assert viewer.state["place"] == request.param
+        yield viewer
+        assert viewer.complaints == []
+        viewer.close()
+
+
+def settle(live: Viewer) -> None:
+    """Wait until the organ stands still."""
+    live.page.wait_for_function(
+        """() => {
+            const { isWaiting, hasWishes } = viscera.conversation;
+            const { specimens, frames } = viscera.state();
+            const isAnswered = frames > 0 && !isWaiting && !hasWishes;
+            return isAnswered && specimens.every(({ residual }) => residual < 1e-8);
+        }"""
+    )

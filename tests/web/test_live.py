@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.web.conftest import settle
 
 import viscera as vs
-from viscera.case import Case, read_case
+from viscera.case import Case
 from viscera.viewer import Server, export_case, page, serve_live
 
 if TYPE_CHECKING:
@@ -20,12 +21,6 @@ if TYPE_CHECKING:
     Look = Callable[..., Viewer]
     Offer = Callable[[Path], str]
 
-CASE = """
-mesh = "bar.vtu"
-units = "m"
-fixed = "root"
-material = {law = "NeoHookean", young = 1e5, poisson = 0.45}
-"""
 TIP = (0.35, 0.05, 0.1)
 FACTS = 14
 STEPS = 11
@@ -46,24 +41,6 @@ CONVERSATION = """async (requests) => {
     worker.terminate();
     return answers;
 }"""
-
-
-@pytest.fixture(scope="module")
-def case(bar: vs.Mesh, tmp_path_factory: pytest.TempPathFactory) -> Case:
-    folder = tmp_path_factory.mktemp("case")
-    bar.write(folder / "bar.vtu")
-    (folder / "bar.toml").write_text(CASE)
-    return read_case(folder / "bar.toml")
-
-
-@pytest.fixture(scope="module", params=["in this page", "on this machine"])
-def live(request: pytest.FixtureRequest, look_at: Look, server: Server, case: Case) -> Iterator[Viewer]:
-    with serve_live(case, "Bar", in_page=request.param == "in this page") as running:
-        viewer = look_at(running.url)
-        assert viewer.state["place"] == request.param
-        yield viewer
-        assert viewer.complaints == []
-        viewer.close()
 
 
 @pytest.fixture(scope="module")
@@ -120,18 +97,6 @@ GO_ON = """() => {
     viscera.link.send = window.sending;
     viscera.conversation.isWaiting = false;
 }"""
-
-
-def settle(live: Viewer) -> None:
-    """Wait until the organ stands still."""
-    live.page.wait_for_function(
-        """() => {
-            const { isWaiting, hasWishes } = viscera.conversation;
-            const { specimens, frames } = viscera.state();
-            const isAnswered = frames > 0 && !isWaiting && !hasWishes;
-            return isAnswered && specimens.every(({ residual }) => residual < 1e-8);
-        }"""
-    )
 
 
 def test_a_drag_steps_the_organ(live: Viewer, bar: vs.Mesh, organ: vs.Organ) -> None:
@@ -399,6 +364,17 @@ def test_what_has_not_settled_is_grey(steps: Viewer) -> None:
     steps.page.wait_for_selector(".specimen:not(.is-unsettled) .force")
     steps.page.wait_for_selector(".force-label:not(.is-unsettled)")
     assert steps.page.evaluate(arrow) == settled[0]
+
+
+def test_a_picture_says_what_a_force_is_worth(steps: Viewer) -> None:
+    steps.call("touch", TIP, [0.0, 0.0, -0.03])
+    settle(steps)
+    assert steps.call("caption").endswith(" N.")
+    steps.page.evaluate("() => (viscera.specimens[0].facts.isUnstable = true)")
+    assert steps.call("caption").endswith(" N, doubtful.")
+    steps.page.evaluate("() => (viscera.specimens[0].facts.isSettled = false)")
+    assert steps.call("caption").endswith(" N, not settled.")
+    settle(steps)
 
 
 def test_no_force_under_a_fast_hand_is_wrong_and_unmarked(steps: Viewer, bar: vs.Mesh, organ: vs.Organ) -> None:

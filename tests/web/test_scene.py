@@ -189,13 +189,55 @@ def test_a_bad_request_is_a_sentence_on_the_page(page: Viewer) -> None:
     page.page.wait_for_function(STILL)
 
 
+def test_what_cannot_be_held_is_let_go(page: Viewer) -> None:
+    page.page.wait_for_function(STILL)
+    page.call("touch", (0.0, 0.05, 0.16), [0.0, 0.0, 0.0])
+    warning = page.page.locator(".warning.is-shown")
+    warning.wait_for()
+    assert "mm of the point (0, 50, 160) mm; take hold elsewhere" in warning.inner_text()
+    page.call("touch", TOP, [0.0, 0.0, 0.01])
+    page.page.wait_for_function(STILL)
+    assert warning.count() == 0
+    force = page.state["specimens"][0]["force"]
+    page.call("touch", (0.352, 0.05, 0.21), [0.0, 0.0, -0.01], 1)
+    warning.wait_for()
+    page.call("move", [0.0, 0.0, 0.01], 1)
+    page.page.wait_for_function(STILL)
+    assert warning.inner_text() == "both hands hold the same place; take hold elsewhere"
+    assert [hand is not None for hand in page.state["hands"]] == [True, False]
+    assert page.state["specimens"][0]["force"] == pytest.approx(force, rel=1e-3, abs=1e-6)
+    page.call("rest")
+    page.page.wait_for_function(STILL)
+
+
+# Keeps all that a view says is the matter, from its first frame on.
+LISTEN = """
+let view;
+window.said = [];
+Object.defineProperty(window, "viscera", {
+    get: () => view,
+    set: (made) => {
+        view = made;
+        const say = made.speech.say.bind(made.speech);
+        made.speech.say = (caption, trouble) => {
+            if (trouble) window.said.push(trouble);
+            say(caption, trouble);
+        };
+    },
+});
+"""
+
+
 def test_an_example_anyone_can_open(look_at: Look, server: Server) -> None:
+    """It comes to its gravity by frames that are cut and unstable, and no hand has done that."""
     example = vs.case(Path(__file__).resolve().parents[2] / "examples" / "scene.toml")
     with serve_live(example, "Scene") as running:
-        viewer = look_at(running.url)
+        viewer = look_at(running.url, scripts=[LISTEN])
         viewer.page.wait_for_function("() => viscera.state().specimens[0].isSettled")
         viewer.page.wait_for_timeout(1000)
         viewer.shoot("scene-example")
         assert viewer.page.locator("header .organ").all_inner_texts() == ["lower", "upper"]
+        assert viewer.page.locator("header p").inner_text().endswith("loads of the case are not applied: force")
+        assert viewer.page.evaluate("() => window.said") == []
         assert viewer.complaints == []
         viewer.close()

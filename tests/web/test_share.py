@@ -45,9 +45,50 @@ def test_a_link_carries_the_touch(viewer: Viewer, server: Server, look_at: Calla
     viewer.page.evaluate("() => viscera.sight.choose('solid')")
 
 
+def test_a_link_carries_the_stiffness(viewer: Viewer, server: Server, look_at: Callable[..., Viewer]) -> None:
+    viewer.call("touch", TOP, PUSH)
+    viewer.call("setStiffness", 3)
+    force, hash = viewer.state["force"], viewer.call("hash")
+    viewer.call("setStiffness", 1)
+    other = look_at(f"{server.url}#{hash}")
+    assert np.allclose(other.state["force"], force, rtol=1e-4)
+    assert "× 3.0" in other.page.locator("label.stiffness").inner_text()
+    assert other.complaints == []
+    other.close()
+
+
+def test_a_second_link_opens_in_the_same_page(server: Server, look_at: Callable[..., Viewer]) -> None:
+    other = look_at(f"{server.url}#touch=300,50,100;0,0,-15&order=2&stiffness=3")
+    other.page.evaluate("() => (window.isTheSame = true)")
+    other.page.goto(f"{server.url}#touch=250,50,100;0,0,-5&order=4&stiffness=1")
+    other.page.wait_for_function("() => viscera.state().order === 4")
+    assert other.page.evaluate("() => window.isTheSame")
+    assert np.allclose(other.state["point"], (0.25, 0.05, 0.1))
+    assert other.state["displacement"] == [0, 0, -0.005]
+    assert other.state["stiffness_factor"] == 1
+    assert other.complaints == []
+    other.close()
+
+
+def test_a_link_to_a_place_beside_the_organ_is_a_sentence(server: Server, look_at: Callable[..., Viewer]) -> None:
+    other = look_at(f"{server.url}#touch=3000,50,100;0,0,-15&order=2")
+    warning = other.page.locator(".warning.is-shown")
+    assert "not on the touchable surface" in warning.inner_text()
+    assert (other.state["activity"], other.state["point"], other.state["order"]) == ("rest", None, 2)
+    other.call("touch", TOP, PUSH)
+    assert warning.count() == 0
+    # Whatever is held is let go.
+    other.page.goto(f"{server.url}#touch=3000,50,100;0,0,-15")
+    warning.wait_for()
+    assert other.state["point"] is None
+    assert other.complaints == []
+    other.close()
+
+
 def test_an_address_without_sense_is_no_harm(server: Server, look_at: Callable[..., Viewer]) -> None:
-    other = look_at(f"{server.url}#touch=1,2;x&order=99&colour=mauve&look=up&from=0,0,0")
+    other = look_at(f"{server.url}#touch=1,2;x&order=99&stiffness=-1&colour=mauve&look=up&from=0,0,0")
     assert other.state["activity"] == "rest"
+    assert other.state["stiffness_factor"] == 1
     assert other.complaints == []
     other.close()
 

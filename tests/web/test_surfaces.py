@@ -180,9 +180,9 @@ def test_readings_keep_their_distance(viewer: Viewer, size: tuple[int, int]) -> 
     viewer.page.evaluate(
         """([order]) => {
             const stiffness = [82.2, 0, 0, 0, 82.2, 0, 0, 0, 82.2];
-            const answer = { stiffness, error: 0.00042, shapeError: 0.0123, trust: "trusted" };
-            viscera.display.readings.show(answer, 12.34, 0.0192);
-            const reading = { force: 12.3456, volume: -0.1234, off: 0.1234 };
+            const errors = { error: 0.00042, shapeError: 0.0123 };
+            viscera.display.readings.show({ force: 12.34, depth: 0.0192, stiffness, ...errors, isDoubtful: false });
+            const reading = { force: 12.3456, volume: -0.1234, off: 0.1234, forceOff: 0.1234 };
             for (let p = 1; p <= order; p++) viscera.display.readings.showOrder(p, reading);
         }""",
         [4],

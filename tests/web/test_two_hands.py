@@ -121,6 +121,32 @@ def test_two_fingers_hold_the_organ_of_a_model(telephone: Viewer, touch: vs.Touc
     fingers("touchEnd")
 
 
+def test_two_fingers_at_one_place_are_a_sentence_and_the_first_holds_on(telephone: Viewer, touch: vs.Touch) -> None:
+    viewer, fingers = telephone, Fingers(telephone)
+    x, y = viewer.place(RIGHT)
+    fingers("touchStart", (x, y))
+    fingers("touchMove", (x, y + 8))
+    viewer.page.wait_for_function("() => viscera.hands === 2")
+    fingers("touchStart", (x, y + 8), (x + 1, y + 8))
+    warning = viewer.page.locator(".warning.is-shown")
+    warning.wait_for()
+    assert warning.inner_text() == "both hands hold the same place; take hold elsewhere"
+    fingers("touchMove", (x, y + 16), (x + 1, y + 40))
+    viewer.page.wait_for_function(SETTLED)
+    two = viewer.state["two"]
+    first = 0 if two["hands"][0] else 1
+    assert two["hands"][1 - first] is None
+    [force] = exact(touch, [two["hands"][first]])
+    assert two[("force", "second")[first]] == pytest.approx(force.tolist(), abs=1e-4 * np.linalg.norm(force))
+    assert warning.inner_text() == "both hands hold the same place; take hold elsewhere"
+    # Pictures say so, too, and of which stiffness.
+    viewer.call("setStiffness", 2)
+    assert viewer.call("caption").endswith(f"Stiffness × 2.0. {warning.inner_text()}")
+    fingers("touchEnd")
+    viewer.page.wait_for_function("() => viscera.state().two === null && viscera.state().activity === 'rest'")
+    assert warning.count() == 0
+
+
 def again(touch: vs.Touch, told: list[list[Any]]) -> list[vs.Felt]:
     """Takes probes in Python the way that those of the page went, compares all they feel, and gives the last it is."""
     alone, other = touch.probe(), touch.probe()
@@ -174,6 +200,19 @@ def test_two_fingers_hold_a_probe_each(look_at: Look, server: Server, touch: vs.
     pushes = [(hand["point"], hand["displacement"]) for hand in two["hands"]]
     linear = np.sum([touch.surface_displacement(*push, order=1) for push in pushes], axis=0)
     assert np.ravel(first["field"]) == pytest.approx(linear.ravel(), abs=1e-5 * np.abs(linear).max())
+    # Its forces are worth what they are: their distance from those of the highest order is an error, too.
+    caption = viewer.call("caption")
+    assert "by two probes, order 1." in caption
+    for hand, (at, push), each in zip(first["hands"], pushes, felt, strict=True):
+        force = touch(at, (0.0, 0.0, 0.0)).stiffness @ push
+        assert hand["force"] == pytest.approx(force.tolist(), rel=1e-4, abs=1e-4 * np.linalg.norm(force))
+        off = np.linalg.norm(force - each.force) / np.linalg.norm(each.force)
+        assert hand["error_estimate"] == pytest.approx(each.error_estimate + off, rel=1e-3)
+        if off > 0.05:
+            assert not hand["is_trusted"]
+            assert "Not trusted: " in caption
+    told = viewer.page.evaluate("() => viscera.told")
+    assert (told["force"], told["is_trusted"]) == (first["hands"][0]["force"], first["hands"][0]["is_trusted"])
     viewer.call("setOrder", touch.metadata["order"])
     # One lets go: the other one goes on alone, from where it is.
     fingers("touchEnd", (x0, y0 + 14))

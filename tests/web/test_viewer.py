@@ -82,6 +82,42 @@ def test_a_drag_moves_the_organ_by_the_numbers_of_python(viewer: Viewer, touch: 
     assert float(shown) == pytest.approx(np.linalg.norm(answer.force), abs=0.006)
 
 
+# Turns a wheel of lines or pages by so much, at a place.
+ROLL = """([mode, by, clientX, clientY]) => viscera.stage.canvas.dispatchEvent(
+    new WheelEvent("wheel", { deltaMode: mode, deltaY: by, clientX, clientY, cancelable: true }))"""
+
+
+def test_the_wheel_pushes_in_by_tenths_of_the_depth(viewer: Viewer, touch: vs.Touch) -> None:
+    x, y = viewer.place(TOP)
+    mouse = viewer.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    depths = [0.0]
+
+    def roll(mode: int, by: float) -> float:
+        """How far a turn of the wheel has moved the contact in [parts of the depth]."""
+        viewer.page.evaluate(ROLL, [mode, by, x, y])
+        depths.append(-viewer.state["displacement"][2] / touch.depth)
+        return depths[-1] - depths[-2]
+
+    assert [roll(mode, notch) for mode, notch in enumerate((100, 3, 1))] == pytest.approx([0.1, 0.1, 0.1], abs=1e-3)
+    # Where the tool slips, nothing is turned that would have to be turned back.
+    for _ in range(20):
+        roll(0, 100)
+    assert depths[-1] == pytest.approx(1.3, abs=1e-3)
+    assert roll(0, -100) == pytest.approx(-0.1, abs=1e-3)
+    for _ in range(40):
+        roll(0, -100)
+    assert depths[-1] == pytest.approx(-1.3, abs=1e-3)
+    assert roll(0, 100) == pytest.approx(0.1, abs=1e-3)
+    # A drag beyond the range is not undone by the wheel.
+    mouse.move(x, y + 300, steps=2)
+    deep = viewer.state["displacement"]
+    roll(0, 100)
+    assert viewer.state["displacement"] == pytest.approx(deep)
+    mouse.up()
+
+
 def test_letting_go_brings_the_organ_back(viewer: Viewer) -> None:
     x, y = viewer.place(TOP)
     viewer.page.mouse.move(x, y)

@@ -1,22 +1,66 @@
-// A touch in an address: #touch=x,y,z;dx,dy,dz&order=4&colour=displacement&look=cut&from=x,y,z, lengths in millimetres.
+// A touch in an address: #touch=x,y,z;dx,dy,dz&order=4&stiffness=2&colour=displacement&look=cut&from=x,y,z, lengths in
+// millimetres.
+import { COLOURINGS, type Colouring } from "./colouring";
 import type { Vec3 } from "./evaluator";
+import { LOOKINGS, type Looking } from "./sight";
+import type { View } from "./view";
+
+const ELSEWHERE = "This link touches a place that is not on the touchable surface. The organ is shown at rest.";
+
+/** No address multiplies stiffnesses by more, or divides them by more. */
+const STIFFEST = 1000;
 
 /** What an address carries; what it leaves out stays as it is. */
-export interface Carried {
+interface Carried {
   point?: Vec3;
   displacement?: Vec3;
   order?: number;
+  /** All stiffnesses of the organ, in units of its own. */
+  stiffness?: number;
   colour?: string;
   look?: string;
   /** Where the camera stands [diagonals]. */
   from?: Vec3;
 }
 
+/** What follows the # of an address that shows the touch of a view, seen as it is. */
+export function addressOf({ touching, order, evaluator, display, sight, stage }: View): string {
+  return written({
+    ...(touching && { point: touching.point, displacement: touching.displacement }),
+    order,
+    ...(evaluator.notes.is_stress_free && { stiffness: evaluator.factor }),
+    colour: display.painter.colouring,
+    look: sight.looking,
+    from: stage.camera.position.toArray(),
+  });
+}
+
+/** Lets a view do what the page's address says, now and whenever it is another one; returns what ends that. */
+export function followAddress(view: View): () => void {
+  const listener = () => follow(view, read(location.hash));
+  listener();
+  window.addEventListener("hashchange", listener);
+  return () => window.removeEventListener("hashchange", listener);
+}
+
+function follow(view: View, { point, displacement, order, stiffness, colour, look, from }: Carried): void {
+  if (order) view.setOrder(order);
+  if (stiffness) view.setStiffness(stiffness);
+  if (COLOURINGS.includes(colour as Colouring)) view.setColouring(colour as Colouring);
+  if (from) view.stage.lookFrom(from);
+  if (LOOKINGS.includes(look as Looking)) view.sight.choose(look as Looking);
+  if (!point || !displacement) return;
+  if (view.evaluator.touch(point)) return view.touch(point, displacement);
+  view.rest();
+  view.display.speech.say("", ELSEWHERE);
+}
+
 /** What follows the #. */
-export function written({ point, displacement, order, colour, look, from }: Carried): string {
+function written({ point, displacement, order, stiffness, colour, look, from }: Carried): string {
   const said = new URLSearchParams();
   if (point && displacement) said.set("touch", `${listed(point, 1000, 3)};${listed(displacement, 1000, 3)}`);
   if (order) said.set("order", String(order));
+  if (stiffness) said.set("stiffness", String(Number(stiffness.toPrecision(6))));
   if (colour) said.set("colour", colour);
   if (look) said.set("look", look);
   if (from) said.set("from", listed(from, 1, 4));
@@ -24,13 +68,15 @@ export function written({ point, displacement, order, colour, look, from }: Carr
 }
 
 /** What an address says after its #; what makes no sense is left out. */
-export function read(hash: string): Carried {
+function read(hash: string): Carried {
   const said = new URLSearchParams(hash.replace(/^#/, ""));
   const carried: Carried = {};
   const [point, displacement] = (said.get("touch") ?? "").split(";").map((text) => numbers(text, 1000));
   if (point && displacement) Object.assign(carried, { point, displacement });
   const order = Number(said.get("order"));
   if (Number.isInteger(order) && order > 0) carried.order = order;
+  const stiffness = Number(said.get("stiffness"));
+  if (stiffness >= 1 / STIFFEST && stiffness <= STIFFEST) carried.stiffness = stiffness;
   for (const name of ["colour", "look"] as const) if (said.get(name)) carried[name] = said.get(name)!;
   const from = numbers(said.get("from") ?? "", 1);
   if (from && Math.hypot(...from) > 0.1) carried.from = from;

@@ -12,6 +12,8 @@ export interface Hello extends Partial<Around> {
   radius: number;
   /** Null where none can be chosen. */
   gravity: Vec3 | null;
+  /** Kinds of loads of the case that are not applied. */
+  left_out?: string[];
   /** The graphics processor that steps it, if one does. */
   device?: string | null;
   /** What the page's address asks for of it in vain. */
@@ -50,20 +52,31 @@ export function introduction(link: Link): Promise<Hello> {
   });
 }
 
+/** What stands below the title: the size of the organ, what steps it, and what of its case it is without. */
+export function factsOf({ rest, is_still, device, refusal, left_out }: Hello, place: string): string[] {
+  const stepped = device ? `stepped ${place} on ${device}` : `stepped ${place}`;
+  const said = [`${rest.length / 3} surface nodes`, is_still ? "a solved state" : stepped];
+  if (refusal) said.push(refusal);
+  if (left_out?.length) said.push(`loads of the case are not applied: ${left_out.join(", ")}`);
+  return said;
+}
+
 export class Conversation {
   /** Of a frame that has come: its numbers. */
   onFrame: (numbers: Float32Array) => void = () => {};
-  /** What the stepper refused, or why it has gone. */
-  onComplaint: (sentence: string) => void = () => {};
+  /** What the stepper refused, or why it has gone; and the hands that were to take hold by what it refused. */
+  onComplaint: (sentence: string, refused: readonly number[]) => void = () => {};
   /** What a frame brings in words: why it is stepped another way from now on. */
   onNews: (sentence: string) => void = () => {};
   /** Whether an answer is under way. */
   isWaiting = false;
   private wanted: Request = {};
+  /** The last request. */
+  private asked: Request = {};
 
   constructor(private readonly link: Link) {
     link.onMessage = (data) => this.receive(data);
-    link.onClose = (sentence) => this.onComplaint(sentence);
+    link.onClose = (sentence) => this.onComplaint(sentence, []);
   }
 
   /** Whether something is wanted that has not been asked for. */
@@ -97,6 +110,7 @@ export class Conversation {
   ask(isMoving: boolean): void {
     if (this.isWaiting || !this.link.isOpen || !(isMoving || this.hasWishes)) return;
     this.link.send(JSON.stringify(this.wanted));
+    this.asked = this.wanted;
     this.forget();
     this.isWaiting = true;
   }
@@ -105,7 +119,20 @@ export class Conversation {
     const said = typeof data === "string" ? (JSON.parse(data) as { error: string } | { news: string }) : null;
     if (said && "news" in said) return this.onNews(said.news);
     this.isWaiting = false;
-    if (said) this.onComplaint(said.error);
+    if (said) this.refuse(said.error);
     else this.onFrame(new Float32Array(data as ArrayBuffer));
+  }
+
+  /** The last request was not followed. If it was for a grasp, what it asked for beside that is asked for again. */
+  private refuse(sentence: string): void {
+    const { second = {}, ...first } = this.asked;
+    const { grab, organ, move, release, ...others } = first;
+    const refused = [grab, second.grab].flatMap((place, hand) => (place ? [hand] : []));
+    if (refused.length > 0) {
+      const [newer, older] = [this.wanted, { ...(grab ? others : first), ...(!second.grab && { second }) }];
+      this.wanted = { ...older, ...newer, second: { ...older.second, ...newer.second } };
+    }
+    const isAnew = [this.wanted.grab, this.wanted.second?.grab].map(Boolean);
+    this.onComplaint(sentence, refused.filter((hand) => !isAnew[hand]));
   }
 }

@@ -1,5 +1,7 @@
 // The force against the depth along the direction of the moment, one line for each order.
+import { roomBeside } from "./doubt";
 import type { Evaluator, Vec3 } from "./evaluator";
+import { apart } from "./field";
 import { scale, type Tick } from "./scale";
 
 const SAMPLES = 48;
@@ -14,19 +16,22 @@ export interface Curves {
   forces: number[][];
   /** Estimated error of the highest order's force, relative to it. */
   errors: number[];
-  isTrusted: boolean[];
+  isTrusted: boolean[][];
 }
 
 /** Samples the answers along a direction to the model's depth; the contact must be touched. */
 export function sample(evaluator: Evaluator, direction: Vec3): Curves {
-  const { depth, order } = evaluator.about.metadata;
+  const { metadata } = evaluator.about;
+  const { depth, order } = metadata;
   const depths = Array.from({ length: SAMPLES + 1 }, (_, k) => (k / SAMPLES) * depth);
   const along = (t: number) => direction.map((x) => t * x) as Vec3;
   const orders = Array.from({ length: order }, (_, p) => p + 1);
-  const forces = orders.map((p) => depths.map((t) => Math.hypot(...evaluator.force(along(t), p))));
+  const forces = orders.map((p) => depths.map((t) => evaluator.force(along(t), p)));
   const answers = depths.map((t) => evaluator.evaluate(along(t)));
-  const isTrusted = answers.map(({ trust }) => trust === "trusted");
-  return { depths, forces, errors: answers.map(({ error }) => error), isTrusted };
+  const isWithin = (of: Vec3, k: number) => apart(of, answers[k]!.force) <= roomBeside(answers[k]!.error, depths[k]!, metadata, false);
+  const isTrusted = forces.map((line, p) => line.map((of, k) => answers[k]!.trust === "trusted" && (p + 1 === order || isWithin(of, k))));
+  const sizes = forces.map((line) => line.map((of) => Math.hypot(...of)));
+  return { depths, forces: sizes, errors: answers.map(({ error }) => error), isTrusted };
 }
 
 /** What a plot shows: the curves, the chosen order, the model's depth [m], and the state of the moment. */
@@ -102,7 +107,7 @@ export class CurvePlot {
     context.clip();
     context.fillStyle = colour("--doubt");
     const half = 0.5 * (curves.depths[1]! - curves.depths[0]!);
-    curves.isTrusted.forEach((trusted, k) => {
+    curves.isTrusted[order - 1]!.forEach((trusted, k) => {
       const from = x(curves.depths[k]! - half);
       if (!trusted) context.fillRect(from, 0, x(curves.depths[k]! + half) - from, height);
     });

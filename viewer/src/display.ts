@@ -48,20 +48,19 @@ export class Display {
     this.reference = typicalForce(evaluator, this.body);
   }
 
-  /** Shows a touch in the field of an order; null is nobody touching. */
-  show(touching: TouchState | null, order: number, caption: string): void {
+  /** Shows a touch in the field of an order, and says it aloud unless it goes on by itself; null is nobody touching. */
+  show(touching: TouchState | null, order: number, isSaid: boolean): void {
     if (touching) {
       const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
       const center = touching.felt?.center ?? null;
       this.arrow.show(at, touching.force, touching.normal, this.reference, touching.standing(order), center);
       touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
     }
-    const [force, depth] = [Math.hypot(...(touching?.force ?? [])), touching?.depth ?? 0];
-    this.readings.show(touching?.answer ?? null, force, depth);
-    this.readings.draw(touching?.curves ?? null, order, this.evaluator.about.metadata.depth, touching && { depth, force });
-    const isTrusted = touching?.answer.shapeTrust === "trusted" && !touching.doubt(order);
-    this.showField(touching, order, this.shifts(touching, order), isTrusted);
-    this.speech.say(caption, touching?.warning(order) ?? "");
+    const reading = touching && touching.reading(order);
+    this.readings.show(reading);
+    this.readings.draw(touching?.curves ?? null, order, this.evaluator.about.metadata.depth, reading);
+    this.showField(touching, order, this.shifts(touching, order), touching?.worth(order) === "");
+    this.speech.say(touching && isSaid ? this.caption(touching, order) : "", touching?.warning(order) ?? "");
   }
 
   /** Shows the field of an order and what lies within; null is nobody touching. */
@@ -126,9 +125,10 @@ export class Display {
     return { force: newtons(Math.hypot(...touching.force)), worth, standing, at: this.arrow.endsInScene()[1] };
   }
 
-  /** The touch as one would say it: the sentence below a picture. */
-  caption(touching: TouchState, order: number): string {
-    return [touching.inShort, ...this.shifts(touching, order)!.map((shift) => `${shift.name} moved ${shiftInWords(shift)}.`)].join(" ");
+  /** The touch as one would say it, and what it is worth if that is to be said, too. */
+  caption(touching: TouchState, order: number, worth = ""): string {
+    const shifts = this.shifts(touching, order)!.map((shift) => `${shift.name} moved ${shiftInWords(shift)}.`);
+    return [touching.inShort(order, worth), ...shifts].join(" ");
   }
 
   dispose(): void {

@@ -2,7 +2,7 @@
 import type { Body, Hit } from "./body";
 import { Conversation, introduction } from "./conversation";
 import type { Display } from "./display";
-import { element, write } from "./dom";
+import { digits, element, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { load } from "./files";
 import { lawName } from "./lawname";
@@ -26,7 +26,11 @@ export class Duet {
   /** Whether the stepped organ is seen: once it has come to where the first hand was. */
   isShown = false;
   /** Why it cannot go on; empty while it can. */
-  complaint = "";
+  private complaint = "";
+  /** Why the hand that joined could not take hold; it stands until one joins again. */
+  private refusal = "";
+  /** The hand that joined last. */
+  private joined = 0;
   readonly holding: [Hand | null, Hand | null] = [null, null];
   /** All stiffnesses of the organ, in units of its own. */
   factor = 1;
@@ -66,7 +70,7 @@ export class Duet {
   ) {
     this.conversation = new Conversation(link);
     this.conversation.onFrame = (numbers) => this.take(numbers);
-    this.conversation.onComplaint = (sentence) => (this.complaint = sentence);
+    this.conversation.onComplaint = (sentence, refused) => this.complain(sentence, refused);
     specimen.place.visible = false;
     stage.world.add(specimen.place);
     const words = element("p", {}, WORDS);
@@ -84,12 +88,13 @@ export class Duet {
     if (!this.isPlaying) {
       const { point, normal, displacement } = touching;
       this.isPlaying = true;
-      this.isShown = this.isFresh = false;
+      this.isShown = this.isFresh = this.specimen.hasSettled = false;
       this.frames = this.peak = 0;
       this.conversation.forget();
       this.conversation.want({ laws: [this.specimen.law] });
       this.grab({ point, normal, displacement }, owner);
     }
+    [this.joined, this.refusal] = [hand, ""];
     const displacement = (this.isShown ? this.specimen : touching).displacementAt(hit.rest);
     this.grab({ point: hit.rest, normal: this.body.normalAt(hit.rest, this.radius), displacement }, hand);
   }
@@ -155,7 +160,9 @@ export class Duet {
 
   /** The forces in words, and what is the matter. */
   get inWords(): [string, string] {
-    return [forces([this.specimen], this.holding), this.complaint || trouble([this.specimen])];
+    const stiffness = this.factor === 1 ? "" : ` Stiffness × ${digits(this.factor, 2)}.`;
+    const matter = this.complaint || this.refusal || trouble([this.specimen], this.holding);
+    return [`${forces([this.specimen], this.holding)}${stiffness}`, matter];
   }
 
   /** Its part of the state in numbers: SI units. */
@@ -189,6 +196,20 @@ export class Duet {
     this.specimen.letGo(hand);
     this.conversation.gesture(hand, { release: true });
     this.ask();
+  }
+
+  /** A hand that joined could not take hold: the other one holds on alone. */
+  private complain(sentence: string, refused: readonly number[]): void {
+    const { joined, holding, isPlaying } = this;
+    if (refused.length === 0) this.complaint = sentence;
+    if (!isPlaying) return;
+    if (refused.length > 0) {
+      this.refusal = sentence;
+      this.release(joined);
+      const held = holding[1 - joined];
+      if (held) this.grab(held, 1 - joined);
+    }
+    this.display.speech.say(...this.inWords);
   }
 
   private ask(): void {

@@ -41,6 +41,8 @@ export interface Notes {
   inside?: Part[];
   axes?: string;
   is_stress_free?: boolean;
+  /** Of a model for a range of a parameter: its name and unit, the value that is shown, and the range. */
+  parameter?: { name: string; unit: string; value: number; range: [number, number] };
 }
 
 /** What a model file says about itself (docs/model-file.md), and its sizes. */

@@ -13,6 +13,12 @@ export function distance(one: Float32Array, other: Float32Array): number {
   return Math.sqrt(sum);
 }
 
+/** Distance of a vector from another one, relative to that; 0 where that is zero. */
+export function apart(one: Vec3, other: Vec3): number {
+  const size = Math.hypot(...other);
+  return size > 0 ? Math.hypot(...one.map((x, i) => x - other[i]!)) / size : 0;
+}
+
 /** Lengths (s,) of the vectors. */
 export function lengths(field: Float32Array, out: Float32Array): void {
   for (let n = 0; n < out.length; n++) {

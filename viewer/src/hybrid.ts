@@ -36,7 +36,7 @@ async function takeOver(
     first.say("the reduced model takes over when you let go");
     await first.free();
     const view = new View(place, evaluator, isEmbedded, caseUrl);
-    view.lookFrom(first.from);
+    view.stage.lookFrom(first.from);
     view.announce("The reduced model has taken over.");
     first.dispose();
     return view;

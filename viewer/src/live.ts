@@ -1,9 +1,8 @@
 // A case in real time: every frame is asked for, from this machine or a worker; one organ, or two laws side by side.
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "./body";
-import { Contrast } from "./contrast";
-import { Conversation, introduction, type Hello } from "./conversation";
-import { button, element, followTheme, toggleTheme } from "./dom";
+import { Conversation, factsOf, introduction, type Hello } from "./conversation";
+import { element, followTheme, toggleTheme } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { Gauge } from "./gauge";
 import { Hint } from "./hint";
@@ -11,6 +10,7 @@ import { listen, type Keyed } from "./keys";
 import { Legend } from "./legend";
 import type { Link } from "./link";
 import { LivePainter, type LiveColouring } from "./livecolouring";
+import { LiveReadings } from "./livereadings";
 import { LiveTools } from "./livetools";
 import { Mean, paceInWords } from "./pace";
 import { Plan } from "./plan";
@@ -21,12 +21,14 @@ import { Share, type Shared } from "./share";
 import { Sight } from "./sight";
 import { Speech } from "./speech";
 import { Stage } from "./stage";
-import { told, type Told } from "./touchstate";
+import { UNTOUCHED, type Told } from "./touchstate";
 import { forces, trouble } from "./verdict";
 import { headsetButton } from "./xr";
 
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
 const AT_REST = 1e-8;
+/** A hand stays within this part of the organ's diagonal (live/src/stage.rs). */
+const REACH = 0.5;
 
 export class LiveView implements Touched, Keyed, Shared {
   readonly hands: number;
@@ -34,6 +36,7 @@ export class LiveView implements Touched, Keyed, Shared {
   onTouch: () => void = () => {};
   tool: Tool = "drag";
   readonly depth: number;
+  readonly reach: number;
   readonly title: string;
   /** Work once the last hand has let go. */
   private onFree: () => void = () => {};
@@ -48,6 +51,8 @@ export class LiveView implements Touched, Keyed, Shared {
   private device: string | null;
   /** What the stepper refused, or why it has gone; it stands until a frame comes. */
   private complaint = "";
+  /** Why a hand could not take hold; it stands until one takes hold again. */
+  private refusal = "";
   private laws: string[];
   private readonly row: Row;
   private readonly conversation: Conversation;
@@ -62,8 +67,7 @@ export class LiveView implements Touched, Keyed, Shared {
   private readonly step = new Mean();
   private readonly plan: Plan;
   private readonly tools: LiveTools;
-  private readonly readings = element("section", { class: "panel readings live", "aria-label": "readings" });
-  private readonly contrast = new Contrast();
+  private readonly readings: LiveReadings;
   private readonly labels = element("div");
   private readonly speech: Speech;
   private readonly clock = element("div", { class: "clock" });
@@ -85,6 +89,7 @@ export class LiveView implements Touched, Keyed, Shared {
       around: { bodies: hello.bodies ?? [], springs: hello.springs ?? 0 },
     };
     this.depth = 0.1 * hello.diagonal;
+    this.reach = REACH * hello.diagonal;
     this.painter = new LivePainter(this.legend, this.depth);
     this.laws = [hello.law];
     this.device = hello.device ?? null;
@@ -100,11 +105,10 @@ export class LiveView implements Touched, Keyed, Shared {
     this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    const stepped = this.device ? `stepped ${link.place} on ${this.device}` : `stepped ${link.place}`;
-    const facts = [`${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : stepped];
-    if (hello.refusal) facts.push(hello.refusal);
-    this.tools = new LiveTools(this, hello.organs ?? [], facts, hello.gravity, headsetButton(this.stage, this.row, this));
-    const side = element("div", { class: "side" }, this.readings, this.clock);
+    this.tools = new LiveTools(this, hello, factsOf(hello, link.place), headsetButton(this.stage, this.row, this));
+    this.readings = new LiveReadings(hello.laws, (laws) => this.setLaws(laws));
+    this.readings.root.hidden = hello.is_still ?? false;
+    const side = element("div", { class: "side" }, this.readings.root, this.clock);
     this.plan.fill(
       place,
       [this.labels, this.hint.root],
@@ -117,7 +121,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.stage.onFrame = () => this.frame();
     this.conversation = new Conversation(link);
     this.conversation.onFrame = (numbers) => this.take(numbers);
-    this.conversation.onComplaint = (sentence) => this.complain(sentence);
+    this.conversation.onComplaint = (sentence, refused) => this.complain(sentence, refused);
     this.conversation.onNews = (sentence) => this.leaveDevice(sentence);
   }
 
@@ -138,6 +142,7 @@ export class LiveView implements Touched, Keyed, Shared {
 
   grab(hit: Hit, hand = 0): void {
     this.hint.end();
+    this.refusal = "";
     const first = this.specimens[0]!;
     const { rest: point, organ } = hit;
     if (!this.held) this.begin();
@@ -244,7 +249,9 @@ export class LiveView implements Touched, Keyed, Shared {
   }
 
   rest(): void {
+    this.refusal = "";
     this.holding.forEach((_, hand) => this.release(hand));
+    this.speak();
   }
 
   setColouring(colouring: LiveColouring): void {
@@ -373,7 +380,7 @@ export class LiveView implements Touched, Keyed, Shared {
   get told(): Told {
     const [held] = this.holding;
     const { facts } = this.specimens[0]!;
-    if (!held) return told(null);
+    if (!held) return UNTOUCHED;
     return { point: held.point, displacement: held.displacement, force: facts.force, is_trusted: facts.isSettled };
   }
 
@@ -389,10 +396,14 @@ export class LiveView implements Touched, Keyed, Shared {
       specimens.forEach((specimen) => specimen.hold(this.holding, reference));
     }
     this.painter.show(specimens);
-    const [one, other] = specimens;
-    if (one && other) this.contrast.show(one, other);
+    this.readings.show(specimens);
     this.onTouch();
-    this.speech.say(this.caption(), this.complaint || trouble(this.specimens));
+    this.speak();
+  }
+
+  /** Says how things stand, and what is the matter. */
+  private speak(): void {
+    this.speech.say(this.caption(), this.complaint || this.refusal || trouble(this.specimens, this.holding));
   }
 
   /** The graphics processor is gone, and the processor steps the organ from where it was. */
@@ -403,9 +414,12 @@ export class LiveView implements Touched, Keyed, Shared {
     this.announce(sentence);
   }
 
-  private complain(sentence: string): void {
-    this.complaint = sentence;
-    this.speech.say(this.caption(), this.complaint || trouble(this.specimens));
+  /** A request was refused, or the stepper has gone: hands that were to take hold in it have not. */
+  private complain(sentence: string, refused: readonly number[]): void {
+    refused.forEach((hand) => this.release(hand));
+    if (refused.length > 0) this.refusal = sentence;
+    else this.complaint = sentence;
+    this.speak();
   }
 
   /** Makes the organs anew, one for each law, side by side. */
@@ -413,31 +427,8 @@ export class LiveView implements Touched, Keyed, Shared {
     const choose = (index: number, law: string) => this.setLaws(this.laws.map((old, k) => (k === index ? law : old)));
     this.row.arrange(this.laws, this.tools, choose);
     this.sight.renew();
-    const contrast = this.laws.length > 1 ? [this.contrast.root] : [];
-    const focused = this.controls().indexOf((this.plan.root.getRootNode() as ShadowRoot).activeElement as HTMLElement);
-    const isLast = focused === this.controls().length - 1;
-    const pairing = this.hello.laws.length > 1 ? [this.pairing()] : [];
-    this.readings.replaceChildren(...this.specimens.map(({ root }) => root), ...contrast, ...pairing);
-    this.readings.hidden = this.hello.is_still ?? false;
-    // Whoever has chosen a law, or a second one, by key goes on from there.
-    if (focused >= 0) this.controls().at(isLast ? -1 : focused)!.focus({ preventScroll: true });
-    this.readings.classList.toggle("is-pair", this.laws.length > 1);
+    this.readings.arrange(this.specimens);
     this.stage.invalidate();
-  }
-
-  /** The lists of laws and the button below them. */
-  private controls(): HTMLElement[] {
-    return [...this.readings.querySelectorAll<HTMLElement>("select, button")];
-  }
-
-  /** From one organ to two and back. */
-  private pairing(): HTMLButtonElement {
-    const [first] = this.laws as [string];
-    const isPair = this.laws.length > 1;
-    const other = first === "Linear" ? (this.hello.laws.find((law) => law !== first) ?? first) : "Linear";
-    return button(isPair ? "One organ" : "Compare two laws", "show one organ, or compare two laws in the same hand", () =>
-      this.setLaws(isPair ? [first] : [first, other]),
-    );
   }
 
   dispose(): void {

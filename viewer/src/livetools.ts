@@ -1,6 +1,7 @@
 // The controls of a case that is stepped: its name above, tools below, and the help.
 import { tissueOf } from "./body";
 import { css } from "./colour";
+import type { Hello } from "./conversation";
 import { button, choice, element, helpDialog, Segments, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LIVE_KEYS } from "./keys";
@@ -29,7 +30,7 @@ export class LiveTools {
   private readonly probe: HTMLButtonElement;
 
   /** Above stand the organs of a scene, each with its colour, and the facts. */
-  constructor(view: LiveView, organs: readonly string[], facts: readonly string[], gravity: Vec3 | null, headset: HTMLButtonElement) {
+  constructor(view: LiveView, { organs = [], gravity }: Hello, facts: readonly string[], headset: HTMLButtonElement) {
     const theme = button("◐", "light or dark theme", () => view.toggleTheme(), "T");
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);

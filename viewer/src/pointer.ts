@@ -32,15 +32,23 @@ export interface Touched {
   expectTwo?(): void;
   readonly tool: Tool;
   readonly depth: number;
+  /** A hand that moves farther from where it took hold moves the contact no more [m]. */
+  readonly reach: number;
   /** Whether the wheel is meant for the view, not for what it is embedded in. */
   readonly isInUse: boolean;
 }
+
+/** A notch of a wheel, in the units that a browser counts in: pixels, lines, pages. */
+const NOTCH = [100, 3, 1] as const;
+/** It pushes in by this part of the depth. */
+const PUSH = 0.1;
 
 /** A mouse or a finger that holds on: where it took hold [m], what was displaced before, and where it is now. */
 interface Drag {
   hand: number;
   start: THREE.Vector3;
   base: Vec3;
+  /** How far the wheel has pushed it in [m]. */
   wheel: number;
   last: PointerEvent;
 }
@@ -171,21 +179,32 @@ export class Pointer {
     if (!held) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    held.wheel += event.deltaY;
+    const contact = this.touched.contact(held.hand);
+    if (!contact) return;
+    const { depth, reach } = this.touched;
+    const normal = new THREE.Vector3(...contact.normal);
+    const dragged = -this.dragged(held, normal).dot(normal);
+    const turned = held.wheel + (event.deltaY / NOTCH[event.deltaMode as 0 | 1 | 2]) * PUSH * depth;
+    // Farther the contact does not go, and what is turned there would have to be turned back first.
+    const [least, most] = [Math.min(held.wheel, -reach - dragged), Math.max(held.wheel, reach - dragged)];
+    held.wheel = Math.max(least, Math.min(turned, most));
     this.displace(held);
   }
 
-  private displace({ hand, start, base, wheel, last }: Drag): void {
-    const contact = this.touched.contact(hand);
+  private displace(held: Drag): void {
+    const contact = this.touched.contact(held.hand);
     if (!contact) return;
-    const drag = this.inScreenPlane(start, last);
     const normal = new THREE.Vector3(...contact.normal);
+    const d = this.dragged(held, normal).addScaledVector(normal, -held.wheel);
+    this.touched.move(d.toArray(), held.hand);
+  }
+
+  /** The displacement without the wheel's part [m]. */
+  private dragged({ start, base, last }: Drag, normal: THREE.Vector3): THREE.Vector3 {
+    const drag = this.inScreenPlane(start, last);
     const isPush = (this.touched.tool === "push") !== last.shiftKey;
     const d = new THREE.Vector3(...base);
-    if (isPush) d.addScaledVector(normal, -this.pushOf(drag, normal));
-    else d.add(drag);
-    d.addScaledVector(normal, -wheel * 0.0004 * this.touched.depth * 10);
-    this.touched.move(d.toArray(), hand);
+    return isPush ? d.addScaledVector(normal, -this.pushOf(drag, normal)) : d.add(drag);
   }
 
   /** From the place taken hold of to the pointer, in the plane of the screen [m]. */

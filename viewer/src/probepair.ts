@@ -4,15 +4,15 @@ import type { Hit } from "./body";
 import type { Coloured } from "./colouring";
 import type { Display } from "./display";
 import { element, fact, fixed, newtons, percent, write } from "./dom";
-import { doubtOf, doubtOfOrder } from "./doubt";
-import type { Evaluator, Felt, Vec3 } from "./evaluator";
-import { distance, distances, norm, spreadError, typical } from "./field";
+import { doubtOf, doubtOfOrder, roomBeside } from "./doubt";
+import type { Evaluator, Vec3 } from "./evaluator";
+import { apart, distance, distances, norm, spreadError, typical } from "./field";
 import { Grip } from "./grip";
 import type { Shift } from "./inside";
 import type { Reading } from "./pointer";
 import type { Stage } from "./stage";
 import { strides } from "./strides";
-import { TouchState, type HeldProbe, type Told } from "./touchstate";
+import { conditions, TouchState, type HeldProbe, type Told } from "./touchstate";
 
 const NAMES = ["first probe", "second probe"] as const;
 const WORDS = "Each probe feels the other through the organ. The shape is the sum of both touches; the estimate includes the error of that.";
@@ -127,7 +127,7 @@ export class ProbePair implements Coloured {
     this.holding.forEach(({ felt, normal }, k) => {
       const at = felt.point.map((x, i) => x + felt.displacement[i]!) as Vec3;
       this.grips[k]!.arrow.show(at, this.forces[k]!, normal, this.display.reference, this.standing(k), felt.center);
-      this.rows[k]!.show(this.size(k), felt, this.standing(k));
+      this.rows[k]!.show(this.size(k), felt.gap, this.forceError(k), this.standing(k));
     });
     const isTrusted = this.holding.every(({ felt }, k) => felt.shapeTrust === "trusted" && !this.doubt(k));
     this.display.showField(this, order, this.shifts, isTrusted);
@@ -150,7 +150,8 @@ export class ProbePair implements Coloured {
   get inWords(): [string, string] {
     const sizes = [0, 1].map((k) => newtons(this.size(k)));
     const doubt = [0, 1].map((k) => this.doubt(k)).find(Boolean);
-    return [`${sizes.join(" and ")} by two probes.`, doubt ? `Not trusted: ${doubt}.` : ""];
+    const said = [`${sizes.join(" and ")} by two probes`, ...conditions(this.evaluator, this.order)].join(", ");
+    return [`${said}.`, doubt ? `Not trusted: ${doubt}.` : ""];
   }
 
   /** How far the parts within have moved. */
@@ -170,16 +171,16 @@ export class ProbePair implements Coloured {
       gap: felt.gap,
       grip: felt.grip,
       force: this.forces[k],
-      error_estimate: felt.error,
-      is_trusted: felt.trust === "trusted",
+      error_estimate: this.forceError(k),
+      is_trusted: !this.doubt(k),
     }));
     return { hands, field: Array.from(this.field), inside: this.shifts };
   }
 
   /** What the first hand's probe does, to whom it is told. */
   get told(): Told {
-    const { point, displacement, trust } = this.holding![0].felt;
-    return { point, displacement, force: this.forces[0], is_trusted: trust === "trusted" };
+    const { point, displacement } = this.holding![0].felt;
+    return { point, displacement, force: this.forces[0], is_trusted: !this.doubt(0) };
   }
 
   localError(order: number, out: Float32Array): void {
@@ -237,6 +238,16 @@ export class ProbePair implements Coloured {
     return Math.hypot(...this.forces[hand]!);
   }
 
+  /** Relative distance of a hand's force in the chosen order from that of the highest. */
+  private forceOff(hand: number): number {
+    return apart(this.forces[hand]!, this.holding![hand]!.felt.force);
+  }
+
+  /** Estimated relative error of a hand's force in the chosen order. */
+  private forceError(hand: number): number {
+    return this.holding![hand]!.felt.error + this.forceOff(hand);
+  }
+
   private standing(hand: number): Standing {
     return this.doubt(hand) ? "doubtful" : "sound";
   }
@@ -245,7 +256,9 @@ export class ProbePair implements Coloured {
     const { metadata } = this.evaluator.about;
     const { felt } = this.holding![hand]!;
     const depth = Math.hypot(...felt.displacement);
-    return doubtOf(felt, felt, depth, metadata) || doubtOfOrder(this.order, metadata.order, this.off);
+    const distances = { off: this.off, forceOff: this.forceOff(hand) };
+    const room = roomBeside(felt.error, depth, metadata, true);
+    return doubtOf(felt, felt, depth, metadata) || doubtOfOrder(this.order, metadata.order, distances, room);
   }
 }
 
@@ -266,7 +279,7 @@ class ProbeReadings {
     );
   }
 
-  show(force: number, { gap, error }: Felt, standing: Standing): void {
+  show(force: number, gap: number, error: number, standing: Standing): void {
     write(this.force, newtons(force).slice(0, -2));
     write(this.depth, `${fixed(Math.max(0, -1000 * gap), 1)} mm`);
     write(this.error, percent(error));

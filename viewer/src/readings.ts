@@ -1,13 +1,22 @@
 // What is read off: the force, the curve, and what every order says about the same touch.
 import { CurvePlot, type Curves } from "./curve";
 import { button, digits, element, fact, fixed, newtons, percent, write } from "./dom";
-import type { Answer } from "./evaluator";
+import type { Distances } from "./doubt";
 
-/** What one order of the series answers: force [N], relative volume change, relative distance from the highest order. */
-export interface OrderReading {
+/** What one order of the series answers: force [N], relative volume change, how far it is from the highest order. */
+export interface OrderReading extends Distances {
   force: number;
   volume: number;
-  off: number;
+}
+
+/** What is read off of a touch: force [N], depth [m], stiffness (9) [N/m], estimated errors of force and shape. */
+export interface TouchReading {
+  force: number;
+  depth: number;
+  stiffness: number[];
+  error: number;
+  shapeError: number;
+  isDoubtful: boolean;
 }
 
 export class Readings {
@@ -53,14 +62,14 @@ export class Readings {
   }
 
   /** Shows a touch; null is nobody touching. */
-  show(answer: Answer | null, force: number, depth: number): void {
-    write(this.force, answer ? newtons(force).slice(0, -2) : "0.00");
-    write(this.depth, answer ? `${fixed(1000 * depth, 1)} mm` : "–");
-    write(this.error, answer ? percent(answer.error) : "–");
-    write(this.shapeError, answer ? percent(answer.shapeError) : "–");
-    const K = answer?.stiffness;
+  show(touch: TouchReading | null): void {
+    write(this.force, touch ? newtons(touch.force).slice(0, -2) : "0.00");
+    write(this.depth, touch ? `${fixed(1000 * touch.depth, 1)} mm` : "–");
+    write(this.error, touch ? percent(touch.error) : "–");
+    write(this.shapeError, touch ? percent(touch.shapeError) : "–");
+    const K = touch?.stiffness;
     write(this.stiffness, K ? `${digits((K[0]! + K[4]! + K[8]!) / 3, 3)} N/m` : "–");
-    this.root.classList.toggle("is-doubtful", answer !== null && answer.trust !== "trusted");
+    this.root.classList.toggle("is-doubtful", touch?.isDoubtful === true);
   }
 
   /** The row of one order; null where nobody touches. */

@@ -11,7 +11,7 @@ export interface Shared {
   readonly title: string;
   /** Says a sentence to those who listen. */
   announce(sentence: string): void;
-  /** The sentence below a picture. */
+  /** What stands below a picture: how things are, and what is not to be relied on. */
   caption(): string;
   /** What follows the # of an address that carries the touch; none where a view has no such address. */
   hash?(): string;
@@ -67,7 +67,9 @@ export class Share {
     const unit = picture.width / Math.max(canvas.clientWidth, 1);
     context.fillStyle = style.getPropertyValue("--ink").trim();
     context.font = `${14 * unit}px ${style.fontFamily}`;
-    context.fillText([this.shared.title, this.shared.caption()].filter(Boolean).join(" · "), 16 * unit, picture.height - 16 * unit);
+    const caption = [this.shared.title, this.shared.caption()].filter(Boolean).join(" · ");
+    const lines = wrapped(caption, picture.width - 32 * unit, (words) => context.measureText(words).width);
+    lines.reverse().forEach((line, k) => context.fillText(line, 16 * unit, picture.height - (16 + 19 * k) * unit));
   }
 
   private async picture(): Promise<void> {
@@ -131,4 +133,15 @@ export class Share {
     this.outcome.textContent = sentence;
     this.shared.announce(sentence);
   }
+}
+
+/** Words in lines that are no wider than a width; a word by itself may be. */
+function wrapped(words: string, width: number, widthOf: (line: string) => number): string[] {
+  const lines = [""];
+  for (const word of words.split(" ")) {
+    const longer = `${lines.at(-1)} ${word}`.trim();
+    if (widthOf(longer) <= width || lines.at(-1) === "") lines[lines.length - 1] = longer;
+    else lines.push(word);
+  }
+  return lines;
 }

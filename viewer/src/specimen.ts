@@ -56,7 +56,7 @@ const AT_REST: Facts = {
 };
 
 /** What a force is worth, in words. */
-const WORTH: Record<Standing, string> = { sound: "settled", doubtful: "doubtful", unsettled: "not settled" };
+export const WORTH: Record<Standing, string> = { sound: "settled", doubtful: "doubtful", unsettled: "not settled" };
 
 export class Specimen {
   readonly body: Body;
@@ -66,6 +66,8 @@ export class Specimen {
   readonly surroundings: Surroundings;
   readonly root: HTMLElement;
   facts: Facts = { ...AT_REST };
+  /** Whether a frame has settled: the organ has come to where its loads and the hands hold it. */
+  hasSettled = false;
   field: Float32Array;
   /** Von Mises stress at the nodes (s,) [Pa]; empty where no frame has brought it. */
   stress = new Float32Array(0);
@@ -126,6 +128,7 @@ export class Specimen {
       cellsAtBound: bound!,
       steps: steps!,
     };
+    this.hasSettled ||= this.facts.isSettled;
     const end = FACTS + this.field.length;
     const last = end + this.surroundings.size;
     this.field = numbers.slice(FACTS, end);

@@ -1,6 +1,7 @@
 // The controls: name of the organ above, tools below, and the help.
 import type { Colouring } from "./colouring";
 import { button, digits, element, helpDialog, percent, Segments } from "./dom";
+import type { Notes } from "./evaluator";
 import { KEYS } from "./keys";
 import { lawName } from "./lawname";
 import type { Tool } from "./pointer";
@@ -29,11 +30,12 @@ export class Tools {
   constructor(view: View, headset: HTMLButtonElement) {
     const { about } = view.evaluator;
     const { metadata } = about;
-    const { web } = view.evaluator.notes;
+    const { web, parameter } = view.evaluator.notes;
     const facts = [
       "reduced model",
       lawName(metadata.law),
       `${view.evaluator.outer.length} surface nodes`,
+      ...(parameter ? [setting(parameter)] : []),
       `up to ${(1000 * metadata.depth).toFixed(0)} mm deep`,
       ...(web ? [`web version, within ${percent(web.worst_error)} of the full model in ${web.touches} touches`] : []),
     ];
@@ -105,4 +107,11 @@ export class Tools {
   press(name: Switch, isOn: boolean): void {
     this.switches[name].setAttribute("aria-pressed", String(isOn));
   }
+}
+
+/** The value of the parameter that the page answers for, and the range that the model has of it. */
+function setting({ name, unit, value, range }: NonNullable<Notes["parameter"]>): string {
+  const [scale, shown] = unit === "Pa" ? [1e-3, "kPa"] : unit === "m" ? [1e3, "mm"] : [1, unit];
+  const [at, low, high] = [value, ...range].map((x) => String(Number((scale * x).toPrecision(3)))) as [string, string, string];
+  return `${name} ${at} of ${low} to ${high} ${shown}`.trim();
 }

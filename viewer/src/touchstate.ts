@@ -1,15 +1,15 @@
 // One touch and everything that follows from it: the answer, the field of the chosen order, what every order says.
 import type { Standing } from "./arrow";
 import { sample, type Curves } from "./curve";
-import { fixed, newtons, percent } from "./dom";
-import { doubtOf, doubtOfOrder } from "./doubt";
+import { digits, fixed, newtons, percent } from "./dom";
+import { doubtOf, doubtOfOrder, roomBeside, type Distances } from "./doubt";
 import type { Answer, Evaluator, Felt, Vec3 } from "./evaluator";
-import { displacementAt, distance, distances, norm, spreadError, typical } from "./field";
-import type { OrderReading } from "./readings";
+import { apart, displacementAt, distance, distances, norm, spreadError, typical } from "./field";
+import type { OrderReading, TouchReading } from "./readings";
 import { strides } from "./strides";
 
 /** A tool may be moved this much beyond the depth the model is made for; then it slips. */
-const BEYOND = 1.3;
+export const BEYOND = 1.3;
 
 /** Directions that differ by no more than this, in each component, have the same curves. */
 const SAME = 1e-6;
@@ -91,27 +91,41 @@ export class TouchState {
     return Math.hypot(...this.displacement);
   }
 
-  /** The numbers of the touch, for programs: SI units. */
-  get numbers(): Record<keyof typeof NOBODY, unknown> {
+  /** The numbers of the touch in the chosen order, for programs: SI units. */
+  numbers(order: number): Record<keyof typeof NOBODY, unknown> {
     const { point, displacement, force, answer, orders } = this;
     return {
       point,
       displacement,
       force,
       stiffness: answer.stiffness,
-      error_estimate: answer.error,
-      is_trusted: answer.trust === "trusted",
-      shape_error_estimate: answer.shapeError,
-      is_shape_trusted: answer.shapeTrust === "trusted",
+      error_estimate: this.forceError(order),
+      is_trusted: !this.doubt(order),
+      shape_error_estimate: this.fieldError(order),
+      is_shape_trusted: this.isShapeTrusted(order),
       field: Array.from(this.field),
       orders,
       probe: this.felt && { center: this.felt.center, gap: this.felt.gap, grip: this.felt.grip },
     };
   }
 
-  /** The touch as one would say it. */
-  get inShort(): string {
-    return `${newtons(Math.hypot(...this.force))} at a depth of ${fixed(1000 * this.depth, 1)} mm.`;
+  /** What is read off in the chosen order. */
+  reading(order: number): TouchReading {
+    const [force, isDoubtful] = [Math.hypot(...this.force), this.doubt(order) !== ""];
+    const [error, shapeError] = [this.forceError(order), this.fieldError(order)];
+    return { force, depth: this.depth, stiffness: this.answer.stiffness, error, shapeError, isDoubtful };
+  }
+
+  /** The touch as one would say it, and what it is worth if that is to be said, too. */
+  inShort(order: number, worth = ""): string {
+    const size = `${newtons(Math.hypot(...this.force))} at a depth of ${fixed(1000 * this.depth, 1)} mm`;
+    return `${[size, ...conditions(this.evaluator, order), worth].filter(Boolean).join(", ")}.`;
+  }
+
+  /** What is not to be relied on, in two words; empty where all is sound. */
+  worth(order: number): string {
+    if (this.doubt(order)) return "not trusted";
+    return this.isShapeTrusted(order) ? "" : "shape not trusted";
   }
 
   /** How far the surface has moved near a point at rest [m]. */
@@ -132,20 +146,24 @@ export class TouchState {
 
   /** What not to rely on, in a sentence: the chosen order's answer, or the shape alone; empty where all is sound. */
   warning(order: number): string {
-    const { shapeTrust, shapeError } = this.answer;
     const doubt = this.doubt(order);
     if (doubt) return `Not trusted: ${doubt}.`;
-    if (shapeTrust === "trusted") return "";
-    return `The force is trusted, the shape is not: its estimated error is ${percent(shapeError)} here.`;
+    if (this.isShapeTrusted(order)) return "";
+    return `The force is trusted, the shape is not: its estimated error is ${percent(this.fieldError(order))} here.`;
   }
 
   /** Whether the chosen order's answer may be relied on, in words; empty where it may. */
   doubt(order: number): string {
-    const { metadata } = this.evaluator.about;
-    return (
-      doubtOf(this.answer, this.felt, this.depth, metadata) ||
-      doubtOfOrder(order, metadata.order, this.orders[order - 1]?.off ?? 0)
-    );
+    const { answer, evaluator } = this;
+    const { metadata } = evaluator.about;
+    const doubt = doubtOf(answer, this.felt, this.depth, metadata);
+    return doubt || doubtOfOrder(order, metadata.order, this.distancesOf(order), this.room(answer.error));
+  }
+
+  /** Whether the chosen order's shape is within the allowance. */
+  isShapeTrusted(order: number): boolean {
+    const { shapeTrust, shapeError } = this.answer;
+    return shapeTrust === "trusted" && this.distancesOf(order).off <= this.room(shapeError);
   }
 
   /** Moves the hand to a displacement from where it took hold [m]: what every order says, force and field of one of them. */
@@ -198,17 +216,34 @@ export class TouchState {
   private read(order: number, field: Float32Array): void {
     const { evaluator, best } = this;
     const size = norm(best);
+    const force = evaluator.force(this.displacement, order);
     this.orders[order - 1] = {
-      force: Math.hypot(...evaluator.force(this.displacement, order)),
+      force: Math.hypot(...force),
       volume: evaluator.volume(1) / this.restVolume - 1,
       off: size > 0 ? distance(field, best) / size : 0,
+      forceOff: apart(force, this.answer.force),
     };
   }
 
-  /** Estimated relative error of the chosen order's field: at a lower one its distance from the highest is added. */
+  /** How far a lower order's answer is from the highest one's. */
+  private distancesOf(order: number): Distances {
+    const isLower = order < this.evaluator.about.metadata.order;
+    return (isLower && this.orders[order - 1]) || { off: 0, forceOff: 0 };
+  }
+
+  /** How far it may be, beside an estimated error of that. */
+  private room(error: number): number {
+    return roomBeside(error, this.depth, this.evaluator.about.metadata, this.felt !== null);
+  }
+
+  /** Estimated relative error of the chosen order's force: at a lower one its distance from the highest is added. */
+  forceError(order: number): number {
+    return this.answer.error + this.distancesOf(order).forceOff;
+  }
+
+  /** The same of its field. */
   fieldError(order: number): number {
-    const highest = this.evaluator.about.metadata.order;
-    return this.answer.shapeError + (order < highest ? (this.orders[order - 1]?.off ?? 0) : 0);
+    return this.answer.shapeError + this.distancesOf(order).off;
   }
 
   /** Root mean square of the surface nodes' displacement [m]. */
@@ -234,8 +269,16 @@ export interface Told {
   is_trusted: boolean | null;
 }
 
-export function told(touching: TouchState | null): Told {
-  if (!touching) return { point: null, displacement: null, force: null, is_trusted: null };
-  const { point, displacement, force, answer } = touching;
-  return { point, displacement, force, is_trusted: answer.trust === "trusted" };
+export const UNTOUCHED: Told = { point: null, displacement: null, force: null, is_trusted: null };
+
+/** A touch in the field of an order: the force, and what it is worth, are those of the order. */
+export function told(touching: TouchState, order: number): Told {
+  const { point, displacement, force } = touching;
+  return { point, displacement, force, is_trusted: !touching.doubt(order) };
+}
+
+/** What a force is said to be of, where it is not that of the highest order and of the organ's own stiffness. */
+export function conditions({ about, factor }: Evaluator, order: number): string[] {
+  const isLower = order < about.metadata.order;
+  return [...(isLower ? [`order ${order}`] : []), ...(factor === 1 ? [] : [`stiffness × ${digits(factor, 2)}`])];
 }

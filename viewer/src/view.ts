@@ -1,11 +1,11 @@
 // The view of a reduced model: what hands, tools, keys and programs do to the organ, and what it does by itself.
 import * as THREE from "three";
 import { lookOver, type Hit } from "./body";
-import { COLOURINGS, type Colouring } from "./colouring";
+import type { Colouring } from "./colouring";
 import { Display } from "./display";
 import { element, followTheme, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
-import { read, written } from "./address";
+import { addressOf, followAddress } from "./address";
 import { Hint } from "./hint";
 import { listen, type Keyed } from "./keys";
 import { Modes } from "./modes";
@@ -13,11 +13,11 @@ import { Mean } from "./pace";
 import { Plan } from "./plan";
 import { nudged, Pointer, type Reading, type Tool, type Touched } from "./pointer";
 import { Share, type Shared } from "./share";
-import { LOOKINGS, Sight, type Looking } from "./sight";
+import { Sight } from "./sight";
 import { Spring } from "./spring";
 import { Stage } from "./stage";
 import { Tools } from "./tools";
-import { NOBODY, told, TouchState, type Told } from "./touchstate";
+import { BEYOND, NOBODY, told, TouchState, UNTOUCHED, type Told } from "./touchstate";
 import { TwoHands } from "./twohands";
 import { Walk } from "./walk";
 import { headsetButton } from "./xr";
@@ -30,9 +30,10 @@ export class View implements Touched, Keyed, Shared {
   order: number;
   readonly title: string;
   readonly depth: number;
+  readonly reach: number;
   private activity: Activity = "rest";
   private isKeeping = false;
-  private touching: TouchState | null = null;
+  touching: TouchState | null = null;
   /** The hand that touches the model. */
   private owner = 0;
   private readonly spring = new Spring();
@@ -44,8 +45,8 @@ export class View implements Touched, Keyed, Shared {
   private readonly hint: Hint;
   private readonly tools: Tools;
   private readonly modes: Modes;
-  private readonly stage: Stage;
-  private readonly display: Display;
+  readonly stage: Stage;
+  readonly display: Display;
   private readonly answering = new Mean();
   private readonly pointer: Pointer;
   private readonly deaf: (() => void)[];
@@ -69,6 +70,7 @@ export class View implements Touched, Keyed, Shared {
   ) {
     const { metadata } = evaluator.about;
     this.depth = metadata.depth;
+    this.reach = BEYOND * metadata.depth;
     this.order = metadata.order;
     this.title = metadata.user?.name ?? "Organ";
     this.plan = new Plan(this.title, "Press on the organ to touch it.", isEmbedded);
@@ -100,7 +102,7 @@ export class View implements Touched, Keyed, Shared {
     this.setOrder(this.order);
     this.setColouring("tissue");
     this.rest();
-    if (!isEmbedded) this.follow(location.hash);
+    if (!isEmbedded) this.deaf.push(followAddress(this));
   }
 
   // What a hand does.
@@ -333,7 +335,7 @@ export class View implements Touched, Keyed, Shared {
     return {
       activity: this.activity,
       order: this.order,
-      ...(touching?.numbers ?? NOBODY),
+      ...(touching?.numbers(this.order) ?? NOBODY),
       looking: this.sight.looking,
       stiffness_factor: this.evaluator.factor,
       inside: this.display.shifts(touching, this.order),
@@ -345,7 +347,7 @@ export class View implements Touched, Keyed, Shared {
 
   /** The touch, for whom it is told to. */
   get told(): Told {
-    return this.two.told ?? told(this.touching);
+    return this.two.told ?? (this.touching ? told(this.touching, this.order) : UNTOUCHED);
   }
 
   /** The middle of the organ at rest [m]. */
@@ -374,38 +376,16 @@ export class View implements Touched, Keyed, Shared {
     this.display.speech.summary.say(sentence);
   }
 
-  /** The touch as one would say it: the sentence below a picture. */
+  /** The touch as one would say it, and what it is worth: the sentence below a picture. */
   caption(): string {
-    const { touching, two } = this;
-    if (two.isShown) return two.inWords[0];
-    return touching && this.activity !== "path" ? this.display.caption(touching, this.order) : "";
+    const { touching, two, order } = this;
+    if (two.isShown) return two.inWords.filter(Boolean).join(" ");
+    return touching && this.activity !== "path" ? this.display.caption(touching, order, touching.worth(order)) : "";
   }
 
   /** What an address carries that shows this touch, seen like this. */
   hash(): string {
-    const { touching } = this;
-    return written({
-      ...(touching && { point: touching.point, displacement: touching.displacement }),
-      order: this.order,
-      colour: this.display.painter.colouring,
-      look: this.sight.looking,
-      from: this.stage.camera.position.toArray(),
-    });
-  }
-
-  /** Does what an address says. */
-  follow(hash: string): void {
-    const { point, displacement, order, colour, look, from } = read(hash);
-    if (order) this.setOrder(order);
-    if (COLOURINGS.includes(colour as Colouring)) this.setColouring(colour as Colouring);
-    if (from) this.stage.lookFrom(from);
-    if (LOOKINGS.includes(look as Looking)) this.sight.choose(look as Looking);
-    if (point && displacement && this.evaluator.touch(point)) this.touch(point, displacement);
-  }
-
-  /** Looks at the organ from a place [diagonals]. */
-  lookFrom(place: Vec3): void {
-    this.stage.lookFrom(place);
+    return addressOf(this);
   }
 
   // How it is shown.
@@ -463,7 +443,7 @@ export class View implements Touched, Keyed, Shared {
 
   private shape(): void {
     if (this.two.isShown) this.two.show(this.order);
-    else this.display.show(this.touching, this.order, this.caption());
+    else this.display.show(this.touching, this.order, this.activity !== "path");
     this.onTouch();
   }
 }

@@ -45,13 +45,13 @@ class ExportedCase:
 def export(touch: Touch, folder: str | os.PathLike[str], name: str = "Organ") -> Exported:
     """Write the page and the web version of a model (below 25 MB) into a folder, which is created where needed.
 
-    A name that ends in `.html` is one file with all of it, which opens from a disk. A folder also holds what steps the
-    organ until the model has arrived, where the model is the larger of the two (`page_of`).
+    A name that ends in `.html` or `.htm` is one file with all of it, which opens from a disk. A folder also holds what
+    steps the organ until the model has arrived, where the model is the larger of the two (`page_of`).
     """
     target = _target(folder)
     page.files()  # before the work on the model
     model = web_model(touch, name)
-    files = page_of(touch, model.data, name, is_hybrid=False if _is_single(target) else None)
+    files = page_of(touch, model.data, name, is_hybrid=False if is_single(target) else None)
     return Exported(target, _write(target, files, page.MODEL), model)
 
 
@@ -75,20 +75,21 @@ def export_case(case: Case | SceneCase, folder: str | os.PathLike[str], name: st
 
 def _target(name: str | os.PathLike[str]) -> Path:
     target = path_of(name, "the page")
-    if _is_single(target) and target.is_dir():
+    if is_single(target) and target.is_dir():
         raise VisceraError(f"{target} is a folder; name a file for the page, or a folder that does not end in .html")
-    if not _is_single(target) and target.exists() and not target.is_dir():
+    if not is_single(target) and target.exists() and not target.is_dir():
         raise VisceraError(f"{target} is a file; name a folder for the page, or a file that ends in .html")
     return target
 
 
-def _is_single(target: Path) -> bool:
-    return target.suffix == ".html"
+def is_single(target: str | os.PathLike[str]) -> bool:
+    """Whether a name is that of a page in one file, not of a folder."""
+    return Path(target).suffix.lower() in {".html", ".htm"}
 
 
 def _write(folder: Path, files: Mapping[str, bytes], part: str) -> list[str]:
     """Write the files of a page that opens `part`; their names."""
-    if _is_single(folder):
+    if is_single(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
         with replacing(folder) as scratch:
             scratch.write_bytes(page.single(files, part))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
-from viscera.case import Case
+from viscera.case import PLACED, Case
 from viscera.errors import VisceraError
 from viscera.loads import density_per_cell
 from viscera.organ import Organ
@@ -94,7 +94,13 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
         radius=defaults.RADIUS_FRACTION * organ.mesh.diagonal,
         density=case.loads.get("density", DENSITY),
         gravity=case.loads.get("gravity") or NOWHERE,
+        left_out=left_out(case),
     )
+
+
+def left_out(case: Case | SceneCase) -> list[str]:
+    """The kinds of loads of a case that its page does not apply."""
+    return [kind for kind in PLACED if case.loads.get(kind)]
 
 
 def require_one_organ(case: Case | SceneCase) -> None:
@@ -133,6 +139,7 @@ def _packed(
     radius: float,
     density: ArrayLike,
     gravity: Sequence[float],
+    left_out: Sequence[str] = (),
     **more: NDArray[Any],
 ) -> LiveCase:
     mesh = organ.mesh
@@ -152,6 +159,7 @@ def _packed(
         "radius": radius,
         "diagonal": mesh.diagonal,
         "gravity": [float(g) for g in gravity],
+        "left_out": list(left_out),
     }
     live = LiveCase(pack(about, arrays), mesh.points.size)
     _core.Live(live.data)

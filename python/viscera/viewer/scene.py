@@ -9,7 +9,7 @@ from viscera.loads import Density
 from viscera.scene import Scene
 from viscera.scene_case import SceneCase
 from viscera.stepper import Stepper
-from viscera.viewer.live import DENSITY, NOWHERE, Reply
+from viscera.viewer.live import DENSITY, NOWHERE, Reply, left_out
 from viscera.viewer.stepped import PlayedStepper
 
 ITERATIONS = 20
@@ -28,10 +28,12 @@ class LiveScene:
     name: str
     density: Density
     gravity: Sequence[float]
+    left_out: Sequence[str] = ()
+    """Kinds of loads of its case that are not applied."""
 
     def open(self) -> Reply:
         """What answers the requests of one page."""
-        return PlayedStepper(self.stepper, self.name, self.gravity).reply
+        return PlayedStepper(self.stepper, self.name, self.gravity, self.left_out).reply
 
     def stepper(self) -> Stepper:
         """The scene at rest."""
@@ -42,6 +44,6 @@ class LiveScene:
 def live_scene(case: SceneCase, name: str) -> LiveScene:
     """The scene of a case under a name to show; raises `VisceraError` if it cannot be made or stepped."""
     density, gravity = case.loads.get("density") or DENSITY, case.loads.get("gravity") or NOWHERE
-    live = LiveScene(case.organ(), name, density, gravity)
+    live = LiveScene(case.organ(), name, density, gravity, left_out(case))
     live.stepper()  # what no page could be given, such as a body inside an organ, is refused here
     return live

@@ -123,9 +123,13 @@ class Server:
         # Older versions of the library refuse every other method themselves.
         if getattr(request, "method", "GET") != "GET":
             return _response(HTTPStatus.METHOD_NOT_ALLOWED, b"only GET\n")
-        token, _, name = request.path.partition("?")[0].removeprefix("/").partition("/")
+        path, mark, query = request.path.partition("?")
+        token, slash, name = path.removeprefix("/").partition("/")
         if not hmac.compare_digest(token.encode(errors="replace"), self._token.encode()):
             return _response(HTTPStatus.FORBIDDEN, b"open the address that viscera view printed\n")
+        if not slash:
+            # From here a browser would look for the files of the page beside its folder.
+            return _response(HTTPStatus.MOVED_PERMANENTLY, b"", Location=f"/{token}/{mark}{query}")
         if self._is_live and name == "live":
             # A browser always names its origin here; what does not is no page of ours.
             return None if origins else _response(HTTPStatus.FORBIDDEN, b"no origin\n")
@@ -197,10 +201,11 @@ def _hang_up(connection: ServerConnection) -> None:
     connection.close()
 
 
-def _response(status: HTTPStatus, body: bytes, content_type: str = "text/plain; charset=utf-8") -> Response:
-    headers = Headers(
-        {**HEADERS, "Content-Type": content_type, "Content-Length": str(len(body)), "Connection": "close"}
-    )
+def _response(
+    status: HTTPStatus, body: bytes, content_type: str = "text/plain; charset=utf-8", **more: str
+) -> Response:
+    own = {"Content-Type": content_type, "Content-Length": str(len(body)), "Connection": "close"}
+    headers = Headers({**HEADERS, **own, **more})
     return Response(status.value, status.phrase, headers, body)
 
 

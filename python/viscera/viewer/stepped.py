@@ -29,20 +29,30 @@ if TYPE_CHECKING:
     from viscera.stepper import Stepper
 
 NOBODY = (0.0, 0.0, 0.0)
+ONE_PLACE = float(np.sqrt(1.0 - 0.2**2))
+"""Cosine between the weights of two patches above which the core takes them for one (`OVERLAPPING` in `problem.rs`)."""
 
 
 class PlayedStepper:
     """A stepper in the hands of the page: at most two, beside those that the notebook has."""
 
-    def __init__(self, make: Callable[[], Stepper], name: str, gravity: Sequence[float] | None = None) -> None:
+    def __init__(
+        self,
+        make: Callable[[], Stepper],
+        name: str,
+        gravity: Sequence[float] | None = None,
+        left_out: Sequence[str] = (),
+    ) -> None:
         """Of a stepper, which `make` gives at first and whenever the page begins anew.
 
         gravity: acceleration (3,) [m/s^2] of the first frame, which the page may turn; without it the page has none to
             choose, and frames have none.
+        left_out: kinds of loads that the page says are not applied.
         """
         self._make = make
         self._name = name
         self._gravity = gravity
+        self._left_out = left_out
         self._hands: list[tuple[Hand, Floats] | None] = [None, None]
         self._has_stress = False
         self._begin()
@@ -78,7 +88,7 @@ class PlayedStepper:
     def reply(self, request: str) -> str | bytes:
         """The introduction, where nothing is asked for; else a frame, or a sentence that says why there is none."""
         if not request:
-            return introduction(self._surroundings, self._name, gravity=self._gravity)
+            return introduction(self._surroundings, self._name, gravity=self._gravity, left_out=self._left_out)
         try:
             self._follow(read(request))
             frame = self._frame()
@@ -119,16 +129,32 @@ class PlayedStepper:
             held = self._hands[index] = None
         if "grab" in gesture:
             patch = self._patch(gesture["grab"], gesture.get("organ"))
+            self._require_apart(patch, self._hands[1 - index])
             held = self._hands[index] = (self._stepper.grasp(patch), np.asarray(gesture["grab"], float))
         if held and "move" in gesture:
             held[0].displacement = np.asarray(gesture["move"], float)
 
     def _patch(self, point: Lengths, name: str | None) -> _core.Patch:
         """What a hand holds: of the organ of a scene that the page names, where several lie on each other."""
-        organ = self._organ
-        return (
-            organ.patch(point, radius(organ), name) if isinstance(organ, Scene) else organ.patch(point, radius(organ))
-        )
+        organ, within = self._organ, radius(self._organ)
+        if isinstance(organ, Scene) and name is not None:
+            organ.organ(name)  # an unknown name is refused as such
+        try:
+            return organ.patch(point, within, name) if isinstance(organ, Scene) else organ.patch(point, within)
+        except VisceraError as error:
+            at = ", ".join(map(_millimetres, np.asarray(point)))
+            raise VisceraError(
+                f"there is no free surface within {_millimetres(within)} mm of the point ({at}) mm; take hold elsewhere"
+            ) from error
+
+    def _require_apart(self, patch: _core.Patch, other: tuple[Hand, Floats] | None) -> None:
+        """Raise `VisceraError` if the other hand holds all but the same, which no frame could move apart."""
+        if other is None:
+            return
+        rows = np.zeros((2, len(self._organ.mesh.points)))
+        rows[0, patch.nodes], rows[1, other[0]._nodes] = patch.weights, other[0]._weights
+        if rows[0] @ rows[1] > ONE_PLACE * np.prod(np.linalg.norm(rows, axis=1)):
+            raise VisceraError("both hands hold the same place; take hold elsewhere")
 
     def _force(self, frame: Frame, index: int) -> Any:
         held = self._hands[index]
@@ -179,7 +205,12 @@ def radius(organ: Organ) -> float:
 
 
 def introduction(
-    around: Surroundings, name: str, *, gravity: Sequence[float] | None = None, is_still: bool = False
+    around: Surroundings,
+    name: str,
+    *,
+    gravity: Sequence[float] | None = None,
+    left_out: Sequence[str] = (),
+    is_still: bool = False,
 ) -> str:
     """What the page needs before the first frame, as JSON: the organ at rest, and what stands around it."""
     organ = around.organ
@@ -196,6 +227,7 @@ def introduction(
             "diagonal": mesh.diagonal,
             "radius": radius(organ),
             "gravity": gravity,
+            "left_out": list(left_out),
             "is_still": is_still,
             "rest": mesh.points[mesh.surface_nodes].ravel().tolist(),
             "triangles": rows.ravel().tolist(),
@@ -230,6 +262,11 @@ def packed(around: Surroundings, shown: Frame | State, forces: list[Any], stress
     if stress is not None:
         parts.append(stress[mesh.surface_nodes])
     return np.concatenate(parts).astype("<f4").tobytes()
+
+
+def _millimetres(length: float) -> str:
+    """A length [m] in millimetres, to a tenth; never -0."""
+    return f"{round(1e3 * length, 1) + 0.0:g}"
 
 
 def _volume(mesh: Mesh, displacement: Floats) -> float:

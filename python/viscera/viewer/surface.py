@@ -9,6 +9,7 @@ import numpy as np
 
 from viscera.parts import inner_parts
 from viscera.touch import Touch
+from viscera.vary import UNITS
 
 
 def surface_alone(touch: Touch) -> Touch:
@@ -26,9 +27,19 @@ def surface_alone(touch: Touch) -> Touch:
         "inside": [{"name": name, "triangles": listed} for name, listed in rows.items()],
         "axes": touch.mesh.axes,
         "is_stress_free": touch.preload is None,
+        **_setting(touch),
     }
     others = {name: note for name, note in touch._notes.items() if name != "cell_sets"}
     return Touch(touch._model.surface_alone(inside.tolist()).with_user(json.dumps({**others, **shown})))
+
+
+def _setting(touch: Touch) -> dict[str, Any]:
+    """The parameter of a model for a range of one, at its value; empty for other models."""
+    parameter = touch.metadata.get("parameter")
+    if parameter is None:
+        return {}
+    name = parameter["name"]
+    return {"parameter": {"name": name, "unit": UNITS[name], "value": touch.value, "range": parameter["range"]}}
 
 
 def surface_model(touch: Touch, name: str) -> bytes:
