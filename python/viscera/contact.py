@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -126,11 +126,13 @@ class Shape(_Compiled):
             points, triangles = given  # type: ignore[assignment]
         else:
             raise refused("a shape", "a viscera.Mesh, or a pair of points (n, 3) [m] and triangles (t, 3)", surface)
-        if triangles.min(initial=0) < 0 or (triangles != np.floor(triangles)).any():
+        if not len(triangles):
+            raise VisceraError("a shape is what a closed surface encloses, and this one has no triangles; give them")
+        if triangles.min() < 0 or (triangles != np.floor(triangles)).any():
             raise VisceraError("the triangles of a shape must be indices of its points")
+        if triangles.max() >= len(points):
+            raise VisceraError(f"a triangle of the shape uses point {triangles.max():g}; it has {len(points)} points")
         used, renumbered = np.unique(triangles.astype(np.uint32), return_inverse=True)
-        if used.max(initial=0) >= len(points):
-            raise VisceraError(f"a triangle of the shape uses point {used.max()}; there are {len(points)} points")
         self.surface: tuple[Floats, Indices] = points[used], renumbered.reshape(-1, 3).astype(np.uint32)
         """Points (n, 3) [m] and triangles (t, 3) of the surface, in axes of the tool."""
         self._core = _core.Shape.solid(*self.surface)
@@ -157,6 +159,8 @@ class Tool:
         p h (1 - nu^2) / (E stiffness) into the surface. A higher stiffness lets the tool enter less, and takes more
         iterations.
 
+    All of these may be assigned later, too, and are checked then; the next solve takes them.
+
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
     >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), displacement=(0, 0, -0.01))
@@ -164,6 +168,14 @@ class Tool:
     >>> bool(state.force(tool)[2] < 0.0)
     True
     """
+
+    shape: AnyShape
+    position: Floats
+    rotation: Floats
+    friction: float | str
+    displacement: Floats
+    turn: Floats
+    stiffness: float
 
     def __init__(
         self,
@@ -176,15 +188,14 @@ class Tool:
         turn: ArrayLike = (0.0, 0.0, 0.0),
         stiffness: float = STIFFNESS,
     ) -> None:
-        if not isinstance(shape, SHAPES):
-            raise refused("the shape of a tool", "a Sphere, Capsule, Box, HalfSpace or Shape", shape)
-        self.shape = shape
-        self.position = vector(position, "the position of a tool", "m")
-        self.rotation = rotation_matrix(rotation)
-        self.friction = friction if friction == BONDED else FRICTION(friction, "the friction of a tool")
-        self.displacement = vector(displacement, "the displacement of a tool", "m")
-        self.turn = vector(turn, "the turn of a tool", "")
-        self.stiffness = Number(above=0)(stiffness, "the stiffness of a tool")
+        given = {"shape": shape, "position": position, "rotation": rotation, "friction": friction}
+        for name, value in {**given, "displacement": displacement, "turn": turn, "stiffness": stiffness}.items():
+            setattr(self, name, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Takes a value if it is what the constructor takes."""
+        check = CHECKS.get(name)
+        super().__setattr__(name, value if check is None else check(value))
 
     def __repr__(self) -> str:
         return f"Tool({self.shape!r}, position={self.position.tolist()}, friction={self.friction!r})"
@@ -203,6 +214,16 @@ class Tool:
         True
         """
         return self._at(1.0)
+
+    @property
+    def _moves(self) -> bool:
+        return bool(self.displacement.any() or self.turn.any())
+
+    def _is_same(self, other: Tool) -> bool:
+        """Whether it is this tool, or its shape in the same pose with the same motion: a shape alone is a new tool."""
+        pose = ("position", "rotation", "displacement", "turn")
+        alike = all(np.array_equal(getattr(self, each), getattr(other, each)) for each in pose)
+        return self is other or (self.shape is other.shape and alike)
 
     def _at(self, load: float) -> Tool:
         """The tool after a part of its motion."""
@@ -258,6 +279,8 @@ class Contact:
 class Instrument:
     """A tool at work in a stepper: made by `Stepper.tool`, moved from frame to frame, ended by `remove`.
 
+    Its pose is read-only; to change it, call `move`, `turn` or `place`, or assign a whole `position` or `rotation`.
+
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
     >>> stepper = beam.stepper(iterations=10)
@@ -272,11 +295,30 @@ class Instrument:
         self._stepper = stepper
         self._number = number
         self._tool = tool
-        self.shape = tool.shape
-        self.position = tool.position
+        self._position, self._rotation = kept(tool.position.copy()), kept(tool.rotation.copy())
+
+    @property
+    def shape(self) -> AnyShape:
+        """Its shape."""
+        return self._tool.shape
+
+    @property
+    def position(self) -> Floats:
         """Position of its origin for the next frame (3,) [m]."""
-        self.rotation = tool.rotation
+        return self._position
+
+    @position.setter
+    def position(self, value: ArrayLike) -> None:
+        self.place(vector(value, "the position of a tool", "m"))
+
+    @property
+    def rotation(self) -> Floats:
         """Rotation matrix for the next frame (3, 3)."""
+        return self._rotation
+
+    @rotation.setter
+    def rotation(self, value: ArrayLike | None) -> None:
+        self.place(rotation=rotation_matrix(value))
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
         """Set the pose for the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad].
@@ -289,12 +331,10 @@ class Instrument:
         >>> stepper.frame().contact(tool).touching
         0
         """
-        if position is not None:
-            position = vector(position, "the position of a tool", "m")
+        placed = self.position if position is None else vector(position, "the position of a tool", "m")
         turned = self.rotation if rotation is None else rotation_matrix(rotation)
-        self.position = self.position if position is None else np.asarray(position)
-        self.rotation = turned
-        self._stepper._core.place_tool(self._number, self.rotation.tolist(), self.position.tolist())
+        self._stepper._core.place_tool(self._number, turned.tolist(), placed.tolist())
+        self._position, self._rotation = kept(placed), kept(turned)
 
     def move(self, by: ArrayLike) -> None:
         """Move on by (x, y, z) [m] with the next frame.
@@ -339,8 +379,8 @@ class Instrument:
         self._stepper._tools = [tool for tool in self._stepper._tools if tool is not self]
 
 
-def tools_of(contact: Sequence[Tool | AnyShape] | None) -> list[Tool]:
-    """The tools of a solve. A shape alone becomes a tool at the origin, without friction."""
+def tools_of(contact: Sequence[Tool | AnyShape] | None, bodies: Sequence[Tool] = ()) -> list[Tool]:
+    """The tools of a solve in which bodies act already. A shape becomes a tool at the origin, without friction."""
     if contact is None:
         return []
     if isinstance(contact, Tool | AnyShape) or not isinstance(contact, Sequence):
@@ -348,12 +388,30 @@ def tools_of(contact: Sequence[Tool | AnyShape] | None) -> list[Tool]:
     for each in contact:
         if not isinstance(each, Tool | AnyShape):
             raise refused("a tool of contact", "a Tool or a shape", each)
-    return [each if isinstance(each, Tool) else Tool(each) for each in contact]
+    refuse_twice(contact, "contact")
+    tools = [each if isinstance(each, Tool) else Tool(each) for each in contact]
+    for tool in tools:
+        if any(map(tool._is_same, bodies)):
+            raise VisceraError(f"{tool!r} is a body of the scene, which acts in every solve; leave it out of contact")
+    return tools
+
+
+def refuse_twice(given: Sequence[object], where: str) -> None:
+    """Raise `VisceraError` if the same thing is named twice: it would act twice, and its report tell a half."""
+    for number, each in enumerate(given):
+        if any(each is other for other in given[:number]):
+            raise VisceraError(f"{where}: {each!r} is named twice and would act twice; name it once")
 
 
 def contacts(reports: list[dict[str, Any]]) -> list[Contact]:
     """The contacts of all tools, from the core's result."""
     return [Contact(**report) for report in reports]
+
+
+def kept(array: Floats) -> Floats:
+    """The array, read-only from now on: a pose that is changed in place would not reach the stepper."""
+    array.flags.writeable = False
+    return array
 
 
 FRICTION = Number(low=0.0, high=1e3)
@@ -364,3 +422,26 @@ def _positive(value: Any, what: str) -> float:
     if metres <= 0.0:
         raise refused(what, "a length above 0 [m]", value)
     return float(metres)
+
+
+def _shape(value: Any) -> AnyShape:
+    if not isinstance(value, SHAPES):
+        raise refused("the shape of a tool", "a Sphere, Capsule, Box, HalfSpace or Shape", value)
+    return value
+
+
+def _friction(value: Any) -> float | str:
+    is_bonded = isinstance(value, str) and value == BONDED
+    return BONDED if is_bonded else FRICTION(value, "the friction of a tool")
+
+
+CHECKS: dict[str, Callable[[Any], Any]] = {
+    "shape": _shape,
+    "position": lambda value: vector(value, "the position of a tool", "m"),
+    "rotation": rotation_matrix,
+    "friction": _friction,
+    "displacement": lambda value: vector(value, "the displacement of a tool", "m"),
+    "turn": lambda value: vector(value, "the turn of a tool", ""),
+    "stiffness": lambda value: Number(above=0)(value, "the stiffness of a tool"),
+}
+"""What each attribute of a tool must be; returns it as the tool keeps it."""

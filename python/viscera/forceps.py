@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera.contact import Box, Capsule, Contact, Instrument, Sphere
+from viscera.contact import Box, Capsule, Contact, Instrument, Sphere, kept
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.quantity import Number, refused, vector
@@ -44,7 +44,8 @@ class Forceps:
     The jaws lie along the z axis of the forceps and close along its x axis, in the middle of which is its origin. They
     hold tissue by friction, so between flat jaws it slips if it is pulled by more than the coefficient times the forces
     of both, which is twice the grip unless something pushes the forceps aside. The jaws do not feel each other; with
-    nothing between them they stop at an opening of zero, and the grip is zero.
+    nothing between them they stop at an opening of zero, and the grip is zero. The pose is read-only, as that of an
+    `Instrument`; a whole `position`, `rotation` or `opening` may be assigned.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -70,12 +71,9 @@ class Forceps:
     ) -> None:
         self._stepper = stepper
         self._half = half_thickness(jaw)
-        self.position: Floats = vector(position, "the position of forceps", "m")
-        """Position (3,) [m] midway between the jaws, for the next frame."""
-        self.rotation: Floats = rotation_matrix(rotation, "the rotation of forceps")
-        """Rotation matrix (3, 3) for the next frame."""
-        self.opening: float = _opening(length_in_space(opening, "the opening of forceps"))
-        """Distance [m] between the jaws for the next frame."""
+        self._position = kept(vector(position, "the position of forceps", "m"))
+        self._rotation = kept(rotation_matrix(rotation, "the rotation of forceps"))
+        self._opening = _opening(opening)
         self._squeeze: tuple[float, float] | None = None
         self._stiffness = 0.0
         self._told: JawForces | None = None
@@ -83,7 +81,7 @@ class Forceps:
         self._is_there = True
         made: list[Instrument] = []
         try:
-            for centre in self._centres():
+            for centre in self._centres(self.position, self.rotation, self.opening):
                 made.append(stepper.tool(jaw, centre, self.rotation, friction=friction))
         except VisceraError:
             for jaw_made in made:
@@ -91,6 +89,34 @@ class Forceps:
             raise
         self.jaws: tuple[Instrument, Instrument] = (made[0], made[1])
         """The jaws on the sides of negative and positive x: tools, as for `Frame.contact`."""
+
+    @property
+    def position(self) -> Floats:
+        """Position (3,) [m] midway between the jaws, for the next frame."""
+        return self._position
+
+    @position.setter
+    def position(self, value: ArrayLike) -> None:
+        self.place(vector(value, "the position of forceps", "m"))
+
+    @property
+    def rotation(self) -> Floats:
+        """Rotation matrix (3, 3) for the next frame."""
+        return self._rotation
+
+    @rotation.setter
+    def rotation(self, value: ArrayLike | None) -> None:
+        self.place(rotation=rotation_matrix(value, "the rotation of forceps"))
+
+    @property
+    def opening(self) -> float:
+        """Distance [m] between the jaws for the next frame; assigning one ends a squeeze."""
+        return self._opening
+
+    @opening.setter
+    def opening(self, value: float | str) -> None:
+        self._set(self.position, self.rotation, _opening(value))
+        self._squeeze = None
 
     @property
     def grip(self) -> float:
@@ -160,7 +186,7 @@ class Forceps:
         >>> round(forceps.opening, 3)
         0.31
         """
-        self._widen(_step(by, "forceps open by"))
+        self.opening += _step(by, "forceps open by")
 
     def close(self, by: float | str) -> None:
         """Close by a length [m], or in words such as "2 mm", with the next frame, until the jaws meet; ends a squeeze.
@@ -176,7 +202,7 @@ class Forceps:
         >>> forceps.opening
         0.0
         """
-        self._widen(-_step(by, "forceps close by"))
+        self.opening = max(self.opening - _step(by, "forceps close by"), 0.0)
 
     def squeeze(self, force: float, by: float | str) -> None:
         """Close by at most `by` [m] a frame until the jaws press with a force [N], and keep this force, until `open` or
@@ -218,20 +244,16 @@ class Forceps:
         if not self._is_there:
             raise VisceraError("these forceps were removed; make new ones by Stepper.forceps")
 
-    def _centres(self) -> tuple[Floats, Floats]:
+    def _centres(self, position: Floats, rotation: Floats, opening: float) -> tuple[Floats, Floats]:
         """Origins of the jaws (3,) [m]."""
-        aside = (0.5 * self.opening + self._half) * self.rotation[:, 0]
-        return self.position - aside, self.position + aside
+        aside = (0.5 * opening + self._half) * rotation[:, 0]
+        return position - aside, position + aside
 
     def _set(self, position: Floats, rotation: Floats, opening: float) -> None:
         self._must_be_there()
-        self.position, self.rotation, self.opening = position, rotation, opening
-        for jaw, centre in zip(self.jaws, self._centres(), strict=True):
+        for jaw, centre in zip(self.jaws, self._centres(position, rotation, opening), strict=True):
             jaw.place(centre, rotation)
-
-    def _widen(self, by: float) -> None:
-        self._set(self.position, self.rotation, _opening(max(self.opening + by, 0.0)))
-        self._squeeze = None
+        self._position, self._rotation, self._opening = kept(position), kept(rotation), opening
 
     def _must_be_whole(self) -> None:
         if not all(jaw in self._stepper._tools for jaw in self.jaws):
@@ -284,8 +306,8 @@ def half_thickness(jaw: Sphere | Capsule | Box) -> float:
     raise refused("the jaw of forceps", "a Sphere, Capsule or Box", jaw)
 
 
-def _opening(value: float) -> float:
-    return Number("m", low=0.0)(value, "the opening of forceps")
+def _opening(value: float | str) -> float:
+    return Number("m", low=0.0)(length_in_space(value, "the opening of forceps"), "the opening of forceps")
 
 
 def _step(by: float | str, what: str) -> float:

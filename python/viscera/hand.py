@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
+from viscera.contact import kept
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices
 from viscera.quantity import numbers_of, refused, vector
@@ -56,12 +57,28 @@ class Hand:
         self._told: tuple[Floats, Floats] | None = None
         self._is_holding = True
         places = self._rest + stepper.displacement[self._nodes]
-        self.position: Floats = weights @ places
+        self._position: Floats = weights @ places
+        self._rotation: Floats = kept(np.array(UNTURNED))
+        self._reached = self._rotation
+        self._arms = places - self._position
+
+    @property
+    def position(self) -> Floats:
         """Place of its centre (3,) [m] for the next frame."""
-        self.rotation: Floats = np.array(UNTURNED)
+        return self._position
+
+    @position.setter
+    def position(self, value: ArrayLike) -> None:
+        self.place(vector(value, "the position of a hand", "m"))
+
+    @property
+    def rotation(self) -> Floats:
         """Rotation matrix (3, 3) for the next frame, from the shape at the grasp."""
-        self._reached = self.rotation
-        self._arms = places - self.position
+        return self._rotation
+
+    @rotation.setter
+    def rotation(self, value: ArrayLike | None) -> None:
+        self.place(rotation=rotation_matrix(value, "the rotation of a hand"))
 
     @property
     def displacement(self) -> Floats:
@@ -74,7 +91,7 @@ class Hand:
     def displacement(self, value: ArrayLike) -> None:
         self._may("placed")
         if isinstance(self._where, _core.Patch):
-            self.position = vector(value, "the displacement of a hand", "m") + self._weights @ self._rest
+            self._position = vector(value, "the displacement of a hand", "m") + self._weights @ self._rest
             return
         given = numbers_of(value)
         if given is None or given.shape not in {(3,), self._rest.shape} or not np.isfinite(given).all():
@@ -125,7 +142,7 @@ class Hand:
         -0.001
         """
         self._may("moved")
-        self.position = self.position + offset(by, self._stepper._organ.mesh, "motion of a hand")
+        self._position = self.position + offset(by, self._stepper._organ.mesh, "motion of a hand")
 
     def turn(self, by: ArrayLike) -> None:
         """Turn on about its centre by a rotation vector (3,) [rad], in axes of the world, with the next frame.
@@ -145,7 +162,7 @@ class Hand:
         turn = rotation_matrix(vector(by, "the turn of a hand", "rad"))
         self._may("turned")
         self._hold_turn()
-        self.rotation = turn @ self.rotation
+        self._rotation = kept(turn @ self.rotation)
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
         """Set the place of its centre (3,) [m] for the next frame, and its rotation from the shape at the grasp: a
@@ -164,8 +181,8 @@ class Hand:
         if rotation is not None:
             turned = rotation_matrix(rotation, "the rotation of a hand")
             self._hold_turn()
-            self.rotation = turned
-        self.position = placed
+            self._rotation = kept(turned)
+        self._position = placed
 
     def pull(self, force: ArrayLike, torque: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Let a force (3,) [N] and a torque (3,) [N m] move it from the next frame on, until `hold`.
@@ -252,8 +269,7 @@ class Hand:
                 "it takes three nodes that are not on a line: take a larger place or patch"
             )
         if not self._holds_turn:
-            self.rotation = self._rotation_now()
-            self._reached = self.rotation
+            self._rotation = self._reached = kept(self._rotation_now())
             self._holds_turn = True
 
     def _rotation_now(self) -> Floats:
@@ -263,13 +279,13 @@ class Hand:
     def _follow(self, displacement: Floats) -> None:
         """Takes on the place and the rotation of what it holds."""
         places = self._rest + displacement[self._nodes]
-        self.position = self._weights @ places
+        self._position = self._weights @ places
         if spread(self._weights, self._arms) >= ON_A_LINE:
-            self.rotation = self._reached = mean_rotation(self._weights, self._arms, places - self.position)
+            self._rotation = self._reached = kept(mean_rotation(self._weights, self._arms, places - self.position))
 
     def _take(self, places: Floats) -> None:
         """Takes on these places (k, 3) of its nodes as its shape, in the orientation that it has."""
-        self.position = self._weights @ places
+        self._position = self._weights @ places
         self._arms = (places - self.position) @ self.rotation
 
     def _arms_turned(self) -> Floats:

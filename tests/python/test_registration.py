@@ -419,7 +419,7 @@ LINE = np.outer(np.linspace(0.0, 0.2, 50), [1.0, 2.0, 0.5])
         ({"points": ([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]] * 2)}, "1 places but 2 displacements"),
         ({"points": ([[40.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]])}, "outside the organ's box"),
         ({"points": [1.0, 2.0, 3.0]}, "points must be a pair"),
-        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": 0.0}, "noise must be a number above 0"),
+        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": 0.0}, "noise must be a number"),
         ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": "2 mN"}, "noise"),
         ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "weights": [1.0]}, "weights must be 50"),
         ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "start": 2 * np.eye(4)}, "no rigid motion"),
