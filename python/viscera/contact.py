@@ -294,13 +294,13 @@ class Instrument:
     def __init__(self, stepper: Stepper, tool: Tool, number: int) -> None:
         self._stepper = stepper
         self._number = number
-        self._tool = tool
+        self._tool, self._shape = tool, tool.shape
         self._position, self._rotation = kept(tool.position.copy()), kept(tool.rotation.copy())
 
     @property
     def shape(self) -> AnyShape:
         """Its shape."""
-        return self._tool.shape
+        return self._shape
 
     @property
     def position(self) -> Floats:
