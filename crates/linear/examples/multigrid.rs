@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use viscera_linear::conjugate_gradients::{
     self as cg, IncompleteCholesky, Operator, Preconditioner, Settings, Workspace,
 };
-use viscera_linear::{BlockMatrix, Dissection, Multigrid};
+use viscera_linear::{BlockMatrix, Multigrid};
 
 struct System {
     points: Vec<[f64; 3]>,
@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let n = system.points.len();
 
     let start = processor_time();
-    let mut multigrid = Multigrid::new(&system.points, pairs(), Dissection::whole(n))?;
+    let mut multigrid = Multigrid::new(&system.points, pairs())?;
     multigrid.hold(&system.is_held);
     let analysed = processor_time();
     multigrid.factorize(&system.values, 0.0)?;

@@ -4,7 +4,6 @@
 //! Reverse Cuthill-McKee (Cuthill and McKee, Proc. 24th ACM National Conf., 1969, 157) from a node at an end of the graph
 //! (Gibbs, Poole and Stockmeyer, SIAM J. Numer. Anal. 13, 1976, 236).
 
-use super::dissection::Dissection;
 use super::neighbours::Neighbours;
 
 /// Searches for a node farther out, at most.
@@ -20,7 +19,6 @@ pub struct Numbering {
     /// The place of each node.
     place: Vec<u32>,
     n_levels: usize,
-    dissection: Dissection,
 }
 
 impl Numbering {
@@ -40,25 +38,9 @@ impl Numbering {
             }
         }
         order.reverse();
-        Numbering { place: places(&order), order, n_levels, dissection: Dissection::whole(n) }
-    }
-
-    /// Of `n` nodes as they are numbered; whatever the graph, it counts as long as there are nodes.
-    pub fn given(n: usize) -> Self {
-        let order: Vec<u32> = (0..n as u32).collect();
-        Numbering { place: order.clone(), order, n_levels: n, dissection: Dissection::whole(n) }
-    }
-
-    /// The same order in slabs, with what separates them at its end.
-    pub fn in_slabs(self, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
-        let neighbours = Neighbours::new(self.order.len(), pairs);
-        let (dissection, order) = Dissection::along(&self.order, &self.place, &neighbours);
-        Numbering { place: places(&order), order, dissection, ..self }
-    }
-
-    /// The slabs of this order; one, if it was not put in slabs.
-    pub fn dissection(&self) -> &Dissection {
-        &self.dissection
+        let mut place = vec![0; n];
+        (0u32..).zip(&order).for_each(|(at, &node)| place[node as usize] = at);
+        Numbering { order, place, n_levels }
     }
 
     /// The node at each place.
@@ -101,13 +83,6 @@ impl Numbering {
         let (out, _) = out.as_chunks_mut::<3>();
         self.order.iter().zip(ordered).for_each(|(&node, values)| out[node as usize] = *values);
     }
-}
-
-/// The place of each node of an order.
-fn places(order: &[u32]) -> Vec<u32> {
-    let mut place = vec![0; order.len()];
-    (0u32..).zip(order).for_each(|(at, &node)| place[node as usize] = at);
-    place
 }
 
 /// A breadth-first search.
@@ -207,38 +182,6 @@ mod tests {
         }
         assert!(parts.iter().all(|part| part.windows(2).all(|pair| pair[1] == pair[0] + 1)));
         assert_eq!(numbering.n_levels(), 3);
-    }
-
-    #[test]
-    fn nothing_couples_slabs_with_each_other_nor_separators() {
-        for (a, b, expected) in [(100, 6, 16), (40, 40, 8), (3, 3, 2), (17, 1, 4)] {
-            // Beside it three nodes that nothing joins to the others.
-            let n = (a * b + 3) as usize;
-            let pairs: Vec<_> =
-                scattered_grid(a, b).into_iter().chain([(a * b, a * b + 2)]).collect();
-            let numbering = Numbering::reverse_cuthill_mckee(n, pairs.iter().copied())
-                .in_slabs(pairs.iter().copied());
-            let dissection = numbering.dissection();
-            let (slabs, separators) = (dissection.slabs(), dissection.separators());
-            assert_eq!((slabs.len(), dissection.n()), (separators.len() + 1, n));
-            assert_eq!(slabs.len(), expected);
-            let ranges: Vec<_> = slabs.iter().chain(separators).cloned().collect();
-            assert!(
-                ranges.iter().cloned().flatten().eq(0..n) && ranges.iter().all(|r| !r.is_empty())
-            );
-            let mut sorted = numbering.order().to_vec();
-            sorted.sort_unstable();
-            assert!(sorted.into_iter().eq(0..n as u32));
-            let range = |node: u32| {
-                let place = numbering.place()[node as usize] as usize;
-                ranges.iter().position(|range| range.contains(&place)).unwrap()
-            };
-            for &(one, other) in &pairs {
-                let (one, other) = (range(one).min(range(other)), range(one).max(range(other)));
-                let is_between = |other| dissection.beside(one).contains(&ranges[other]);
-                assert!(one == other || one < slabs.len() && is_between(other));
-            }
-        }
     }
 
     #[test]

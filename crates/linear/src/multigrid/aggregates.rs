@@ -1,9 +1,7 @@
 //! Nodes in aggregates, each a node and its neighbours: the unknowns of the next level (Vaněk, Mandel and Brezina,
 //! Computing 56, 1996, 179, algorithm 5.1).
 
-use crate::dissection::Dissection;
 use crate::neighbours::Neighbours;
-use crate::numbering::Numbering;
 
 /// In no aggregate yet.
 const FREE: u32 = u32::MAX;
@@ -17,12 +15,12 @@ pub(super) struct Aggregates {
 }
 
 impl Aggregates {
-    /// From one end to the other, first whole neighbourhoods that touch no other, then every node that is left joins one beside it.
-    pub fn new(neighbours: &Neighbours, dissection: &Dissection) -> Self {
+    /// First whole neighbourhoods that touch no other, then every node that is left joins one beside it.
+    pub fn new(neighbours: &Neighbours) -> Self {
         let n = neighbours.n();
         let mut of = vec![FREE; n];
         let mut root = Vec::new();
-        for node in dissection.across() {
+        for node in 0..n {
             let around = neighbours.of(node);
             if of[node] == FREE && around.iter().all(|&k| of[k as usize] == FREE) {
                 of[node] = root.len() as u32;
@@ -38,12 +36,6 @@ impl Aggregates {
             of[node] = joined.unwrap_or(0);
         }
         Aggregates { of, root }
-    }
-
-    /// Puts the aggregates in another order.
-    pub fn renumber(&mut self, numbering: &Numbering) {
-        self.of.iter_mut().for_each(|of| *of = numbering.place()[*of as usize]);
-        self.root = numbering.order().iter().map(|&k| self.root[k as usize]).collect();
     }
 
     pub fn count(&self) -> usize {

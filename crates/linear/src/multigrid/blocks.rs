@@ -1,12 +1,9 @@
 //! The matrix of a level as a smoother reads it: the upper triangle by block columns, in single precision, each block
 //! read once for both triangles.
 //!
-//! Sweeps go through all slabs of a dissection at once, and through its separators before or after them.
-//!
 //! `B` rows and columns of a block, padded to `W` lanes of a vector register: 3 and 4 on the finest level, 6 and 8 below.
 
-use super::super::{Dissection, FactorError};
-use std::ops::Range;
+use super::super::FactorError;
 use viscera_number::simd::{Kernel, dispatch};
 
 /// Upper triangle of a block matrix in compressed columns: rows ascend within a column, so that the diagonal comes last.
@@ -100,16 +97,12 @@ pub(super) struct Smoother<const B: usize, const W: usize> {
     inverses: Vec<[[f32; W]; B]>,
     /// Sums over blocks right of the diagonal.
     right: Vec<[f32; W]>,
-    /// For several threads, and for one: both bring the same.
-    dissections: [Dissection; 2],
 }
 
 impl<const B: usize, const W: usize> Smoother<B, W> {
-    /// On a pattern in the order of a dissection.
-    pub fn new(pattern: Upper, dissection: Dissection) -> Self {
+    pub fn new(pattern: Upper) -> Self {
         let (n, zero) = (pattern.n(), [[0.0; W]; B]);
         Smoother {
-            dissections: [dissection, Dissection::whole(n)],
             blocks: vec![zero; pattern.len()],
             inverses: vec![zero; n],
             right: vec![[0.0; W]; n],
@@ -146,64 +139,18 @@ impl<const B: usize, const W: usize> Smoother<B, W> {
 
     /// `x = (D + L)⁻¹ b`, and what of `A x` lies right of the diagonal: minus the residual.
     pub fn forward(&mut self, b: &[[f32; W]], x: &mut [[f32; W]]) -> &[[f32; W]] {
-        let Smoother { pattern, blocks, inverses, right, dissections } = self;
-        let dissection = at_hand(dissections);
-        let matrix = Columns { pattern, blocks, inverses };
-        let (slabs, separators) = (dissection.slabs(), dissection.separators());
-        let (in_slabs, between) = x.split_at_mut(dissection.n_in_slabs());
-        let (right_in_slabs, right_between) = right.split_at_mut(dissection.n_in_slabs());
-        dissection.for_slabs((&mut *in_slabs, &mut *right_in_slabs), &|k, (x, right)| {
-            dispatch(Forward { matrix, nodes: slabs[k].clone(), b, in_slabs: &[], x, right });
-        });
-        dissection.for_separators((&mut *between, right_between), &|k, (x, right)| {
-            dispatch(Forward { matrix, nodes: separators[k].clone(), b, in_slabs, x, right });
-        });
-        dissection.for_slabs(right_in_slabs, &|k, right| {
-            let (nodes, beside) = (slabs[k].clone(), dissection.beside(k));
-            let columns = beside.iter().cloned().flatten();
-            dispatch(FromBeside { matrix, columns, nodes, between, sums: right });
-        });
+        dispatch(Forward { smoother: self, b, x });
         &self.right
     }
 
     /// `x <- (D + U)⁻¹ (b - L x)`.
     pub fn backward(&mut self, b: &[[f32; W]], x: &mut [[f32; W]]) {
-        let Smoother { pattern, blocks, inverses, right, dissections } = self;
-        let dissection = at_hand(dissections);
-        let matrix = Columns { pattern, blocks, inverses };
-        let (slabs, separators) = (dissection.slabs(), dissection.separators());
-        let (in_slabs, between) = x.split_at_mut(dissection.n_in_slabs());
-        let (right_in_slabs, right_between) = right.split_at_mut(dissection.n_in_slabs());
-        let old = &*in_slabs;
-        dissection.for_separators((&mut *between, right_between), &|k, (x, right)| {
-            let nodes = separators[k].clone();
-            right.fill([0.0; W]);
-            dispatch(Backward { matrix, nodes, b, in_slabs: old, x, right });
-        });
-        let between = &*between;
-        dissection.for_slabs((in_slabs, right_in_slabs), &|k, (x, right)| {
-            let (nodes, beside) = (slabs[k].clone(), dissection.beside(k));
-            right.fill([0.0; W]);
-            let (columns, sums) = (beside.iter().cloned().flatten().rev(), &mut *right);
-            dispatch(FromBeside { matrix, columns, nodes: nodes.clone(), between, sums });
-            dispatch(Backward { matrix, nodes, b, in_slabs: &[], x, right });
-        });
+        dispatch(Backward { smoother: self, b, x });
     }
 
     /// `y = D⁻¹ A x`.
     pub fn jacobi(&mut self, x: &[[f32; W]], y: &mut [[f32; W]]) {
-        let Smoother { pattern, blocks, inverses, dissections, .. } = self;
-        let dissection = at_hand(dissections);
-        let matrix = Columns { pattern, blocks, inverses };
-        let (in_slabs, between) = y.split_at_mut(dissection.n_in_slabs());
-        dissection.for_slabs(in_slabs, &|k, y| {
-            let (nodes, beside) = (dissection.slabs()[k].clone(), dissection.beside(k));
-            dispatch(Jacobi { matrix, nodes, beside, x, y });
-        });
-        dissection.for_separators(between, &|k, y| {
-            let nodes = dissection.separators()[k].clone();
-            dispatch(Jacobi { matrix, nodes, beside: &[], x, y });
-        });
+        dispatch(Jacobi { smoother: self, x, y });
     }
 
     /// `D⁻¹ a` for a node.
@@ -213,38 +160,10 @@ impl<const B: usize, const W: usize> Smoother<B, W> {
     }
 }
 
-/// Slabs where threads share them; one thread reads the blocks between a slab and a separator once.
-fn at_hand([shared, whole]: &[Dissection; 2]) -> &Dissection {
-    if rayon::current_num_threads() > 1 { shared } else { whole }
-}
-
-/// The matrix as the sweeps read it.
-#[derive(Clone, Copy)]
-struct Columns<'a, const B: usize, const W: usize> {
-    pattern: &'a Upper,
-    blocks: &'a [[[f32; W]; B]],
-    inverses: &'a [[[f32; W]; B]],
-}
-
-impl<'a, const B: usize, const W: usize> Columns<'a, B, W> {
-    /// Blocks of a column above the diagonal, and their rows.
-    #[inline(always)]
-    fn above(&self, column: usize) -> (&'a [[[f32; W]; B]], &'a [u32]) {
-        let places = self.pattern.column(column);
-        (&self.blocks[places.start..places.end - 1], self.pattern.rows(column))
-    }
-}
-
-/// Those of a slab, or of a separator after all slabs.
 struct Forward<'a, const B: usize, const W: usize> {
-    matrix: Columns<'a, B, W>,
-    nodes: Range<usize>,
+    smoother: &'a mut Smoother<B, W>,
     b: &'a [[f32; W]],
-    /// The solution in all slabs, if the nodes are those of a separator.
-    in_slabs: &'a [[f32; W]],
-    /// Of the nodes.
     x: &'a mut [[f32; W]],
-    right: &'a mut [[f32; W]],
 }
 
 impl<const B: usize, const W: usize> Kernel for Forward<'_, B, W> {
@@ -252,30 +171,23 @@ impl<const B: usize, const W: usize> Kernel for Forward<'_, B, W> {
 
     #[inline(always)]
     fn run(self) {
-        let Forward { matrix, nodes, b, in_slabs, x, right } = self;
+        let Smoother { pattern, blocks, inverses, right } = self.smoother;
         right.fill([0.0; W]);
-        for column in nodes.clone() {
-            let (blocks, rows) = matrix.above(column);
-            let left = gather(blocks, rows, |row| {
-                in_slabs.get(row).unwrap_or_else(|| &x[row - nodes.start])
-            });
-            let own = times(&matrix.inverses[column], &less(&b[column], &left));
-            x[column - nodes.start] = own;
-            scatter(blocks, rows, &own, &nodes, right);
+        for column in 0..pattern.n() {
+            let places = pattern.column(column);
+            let blocks = &blocks[places.start..places.end - 1];
+            let left = gather(blocks, pattern.rows(column), self.x);
+            let own = times(&inverses[column], &less(&self.b[column], &left));
+            self.x[column] = own;
+            scatter(blocks, pattern.rows(column), &own, right);
         }
     }
 }
 
-/// Those of a separator, or of a slab after all separators.
 struct Backward<'a, const B: usize, const W: usize> {
-    matrix: Columns<'a, B, W>,
-    nodes: Range<usize>,
+    smoother: &'a mut Smoother<B, W>,
     b: &'a [[f32; W]],
-    /// As before the sweep, if the nodes are those of a separator.
-    in_slabs: &'a [[f32; W]],
-    /// Of the nodes.
     x: &'a mut [[f32; W]],
-    right: &'a mut [[f32; W]],
 }
 
 impl<const B: usize, const W: usize> Kernel for Backward<'_, B, W> {
@@ -283,52 +195,23 @@ impl<const B: usize, const W: usize> Kernel for Backward<'_, B, W> {
 
     #[inline(always)]
     fn run(self) {
-        let Backward { matrix, nodes, b, in_slabs, x, right } = self;
-        for column in nodes.clone().rev() {
-            let (blocks, rows) = matrix.above(column);
-            let left = gather(blocks, rows, |row| {
-                in_slabs.get(row).unwrap_or_else(|| &x[row - nodes.start])
-            });
-            let rest = less(&less(&b[column], &left), &right[column - nodes.start]);
-            let own = times(&matrix.inverses[column], &rest);
-            x[column - nodes.start] = own;
-            scatter(blocks, rows, &own, &nodes, right);
+        let Smoother { pattern, blocks, inverses, right } = self.smoother;
+        right.fill([0.0; W]);
+        for column in (0..pattern.n()).rev() {
+            let places = pattern.column(column);
+            let blocks = &blocks[places.start..places.end - 1];
+            let left = gather(blocks, pattern.rows(column), self.x);
+            let rest = less(&less(&self.b[column], &left), &right[column]);
+            let own = times(&inverses[column], &rest);
+            self.x[column] = own;
+            scatter(blocks, pattern.rows(column), &own, right);
         }
     }
 }
 
-/// What the separators beside a slab add to the sums of its nodes, in the order in which one thread would add it.
-struct FromBeside<'a, I, const B: usize, const W: usize> {
-    matrix: Columns<'a, B, W>,
-    /// Of these separators.
-    columns: I,
-    nodes: Range<usize>,
-    /// The solution in all separators, the last nodes.
-    between: &'a [[f32; W]],
-    sums: &'a mut [[f32; W]],
-}
-
-impl<I: Iterator<Item = usize>, const B: usize, const W: usize> Kernel for FromBeside<'_, I, B, W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let FromBeside { matrix, columns, nodes, between, sums } = self;
-        let first = matrix.pattern.n() - between.len();
-        for column in columns {
-            let (blocks, rows) = matrix.above(column);
-            scatter(blocks, rows, &between[column - first], &nodes, sums);
-        }
-    }
-}
-
-/// The product on the nodes of a slab or a separator.
 struct Jacobi<'a, const B: usize, const W: usize> {
-    matrix: Columns<'a, B, W>,
-    nodes: Range<usize>,
-    beside: &'a [Range<usize>],
+    smoother: &'a mut Smoother<B, W>,
     x: &'a [[f32; W]],
-    /// Of the nodes.
     y: &'a mut [[f32; W]],
 }
 
@@ -337,20 +220,17 @@ impl<const B: usize, const W: usize> Kernel for Jacobi<'_, B, W> {
 
     #[inline(always)]
     fn run(self) {
-        let Jacobi { matrix, nodes, beside, x, y } = self;
-        for column in nodes.clone() {
-            let places = matrix.pattern.column(column);
+        let Smoother { pattern, blocks, inverses, .. } = self.smoother;
+        let y = self.y;
+        for column in 0..pattern.n() {
+            let places = pattern.column(column);
+            let (own, blocks) = (&self.x[column], &blocks[places]);
             // With the diagonal block: its row is not summed up yet.
-            y[column - nodes.start] =
-                gather(&matrix.blocks[places], matrix.pattern.rows(column), |row| &x[row]);
-            let (blocks, rows) = matrix.above(column);
-            scatter(blocks, rows, &x[column], &nodes, y);
+            y[column] = gather(blocks, pattern.rows(column), self.x);
+            let left = &blocks[..blocks.len() - 1];
+            scatter(left, pattern.rows(column), own, y);
         }
-        for column in beside.iter().cloned().flatten() {
-            let (blocks, rows) = matrix.above(column);
-            scatter(blocks, rows, &x[column], &nodes, y);
-        }
-        for (y, inverse) in y.iter_mut().zip(&matrix.inverses[nodes]) {
+        for (y, inverse) in y.iter_mut().zip(inverses) {
             *y = times(inverse, y);
         }
     }
@@ -358,14 +238,14 @@ impl<const B: usize, const W: usize> Kernel for Jacobi<'_, B, W> {
 
 /// `sum_r A_rᵀ x_r` over the blocks of a column.
 #[inline(always)]
-fn gather<'a, const B: usize, const W: usize>(
+fn gather<const B: usize, const W: usize>(
     blocks: &[[[f32; W]; B]],
     rows: &[u32],
-    x: impl Fn(usize) -> &'a [f32; W],
+    x: &[[f32; W]],
 ) -> [f32; W] {
     let mut products = [[0.0f32; W]; B];
     for (block, &row) in blocks.iter().zip(rows) {
-        let x = x(row as usize);
+        let x = &x[row as usize];
         for k in 0..B {
             (0..W).for_each(|i| products[k][i] += block[k][i] * x[i]);
         }
@@ -377,20 +257,18 @@ fn gather<'a, const B: usize, const W: usize>(
     sum
 }
 
-/// `y_r += A_r x` over the blocks of a column whose rows are among the nodes that `y` is for.
+/// `y_r += A_r x` over the blocks of a column.
 #[inline(always)]
 fn scatter<const B: usize, const W: usize>(
     blocks: &[[[f32; W]; B]],
     rows: &[u32],
     x: &[f32; W],
-    nodes: &Range<usize>,
     y: &mut [[f32; W]],
 ) {
     for (block, &row) in blocks.iter().zip(rows) {
-        if let Some(y) = (row as usize).checked_sub(nodes.start).and_then(|at| y.get_mut(at)) {
-            for k in 0..B {
-                (0..W).for_each(|i| y[i] += block[k][i] * x[k]);
-            }
+        let y = &mut y[row as usize];
+        for k in 0..B {
+            (0..W).for_each(|i| y[i] += block[k][i] * x[k]);
         }
     }
 }

@@ -14,10 +14,8 @@ mod prolongation;
 #[cfg(test)]
 mod tests;
 
-use super::conjugate_gradients as cg;
 use super::neighbours::Neighbours;
-use super::threads::for_parts;
-use super::{Cholesky, Dissection, FactorError, Factorization, Numbering, Pattern};
+use super::{Cholesky, FactorError, Factorization, Pattern, conjugate_gradients as cg};
 use aggregates::Aggregates;
 use blocks::{Smoother, Upper};
 use galerkin::SQUARE;
@@ -25,12 +23,6 @@ use prolongation::{MODES, Part, Prolongation, rigid_modes};
 
 /// Nodes up to which a level is solved by a factor.
 const COARSEST: usize = 64;
-
-/// Aggregates from which a level has slabs.
-const DISSECTED: usize = 1_000;
-
-/// Nodes that a thread takes at once.
-const PART: usize = 4_096;
 
 /// A level that has more than this part of the nodes of the one above is the last.
 const SLOWEST: f64 = 0.7;
@@ -79,17 +71,15 @@ struct Coarsest {
 
 impl Multigrid {
     /// Aggregates for matrices whose upper triangle has blocks at `pairs` of row and column, column by column, rows
-    /// ascending, the diagonal among them; for a body with nodes at `points`, in the order of a dissection. Factorise
-    /// before use.
+    /// ascending, the diagonal among them; for a body with nodes at `points`. Factorise before use.
     ///
     /// # Errors
     /// Pairs in another order; a coarsest level too large to factorise.
     pub fn new(
         points: &[[f64; 3]],
         pairs: impl Iterator<Item = (u32, u32)>,
-        dissection: Dissection,
     ) -> Result<Self, FactorError> {
-        Self::with_coarsest(COARSEST, points, pairs, dissection)
+        Self::with_coarsest(COARSEST, points, pairs)
     }
 
     /// The same with levels down to so many nodes.
@@ -97,16 +87,15 @@ impl Multigrid {
         n_coarsest: usize,
         points: &[[f64; 3]],
         pairs: impl Iterator<Item = (u32, u32)>,
-        dissection: Dissection,
     ) -> Result<Self, FactorError> {
         let upper = Upper::new(points.len(), pairs)?;
-        let (finest, mut next, mut dissection) = Level::new(upper, dissection);
+        let (finest, mut next) = Level::new(upper);
         let (mut coarse, mut above) = (Vec::<Level<6, 8>>::new(), points.len());
         while next.n() > n_coarsest && (next.n() as f64) < SLOWEST * above as f64 {
             above = next.n();
-            let (level, below, of_below) = Level::new(next, dissection);
+            let (level, below) = Level::new(next);
             coarse.push(level);
-            (next, dissection) = (below, of_below);
+            next = below;
         }
         Ok(Multigrid {
             points: points.to_vec(),
@@ -203,18 +192,13 @@ impl cg::Preconditioner for Multigrid {
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         let largest = r.iter().fold(0.0f64, |largest, r| largest.max(r.abs()));
         let scale = if largest > 0.0 { largest } else { 1.0 };
-        let (r, z) = (r.as_chunks::<3>().0, z.as_chunks_mut::<3>().0);
-        for_parts(&mut self.finest.b, PART, |number, b| {
-            for (b, r) in b.iter_mut().zip(&r[number * PART..]) {
-                (0..3).for_each(|i| b[i] = (r[i] / scale) as f32);
-            }
-        });
+        for (b, r) in self.finest.b.iter_mut().zip(r.chunks_exact(3)) {
+            (0..3).for_each(|i| b[i] = (r[i] / scale) as f32);
+        }
         self.cycle();
-        for_parts(z, PART, |number, z| {
-            for (z, x) in z.iter_mut().zip(&self.finest.x[number * PART..]) {
-                (0..3).for_each(|i| z[i] = scale * f64::from(x[i]));
-            }
-        });
+        for (z, x) in z.chunks_exact_mut(3).zip(&self.finest.x) {
+            (0..3).for_each(|i| z[i] = scale * f64::from(x[i]));
+        }
     }
 }
 
@@ -237,25 +221,16 @@ impl Multigrid {
 }
 
 impl<const B: usize, const W: usize> Level<B, W> {
-    /// With what is below it, and its order.
-    fn new(upper: Upper, dissection: Dissection) -> (Self, Upper, Dissection) {
+    /// With what is below it.
+    fn new(upper: Upper) -> (Self, Upper) {
         let neighbours = Neighbours::new(upper.n(), upper.pairs());
-        let mut aggregates = Aggregates::new(&neighbours, &dissection);
-        let mut prolongation = Prolongation::new(&aggregates, &neighbours);
-        let mut coarse = galerkin::pattern(&prolongation, &neighbours);
-        let mut below = Dissection::whole(coarse.n());
-        if coarse.n() >= DISSECTED {
-            let numbering = Numbering::reverse_cuthill_mckee(coarse.n(), coarse.pairs())
-                .in_slabs(coarse.pairs());
-            aggregates.renumber(&numbering);
-            prolongation = Prolongation::new(&aggregates, &neighbours);
-            coarse = galerkin::pattern(&prolongation, &neighbours);
-            below = numbering.dissection().clone();
-        }
+        let aggregates = Aggregates::new(&neighbours);
+        let prolongation = Prolongation::new(&aggregates, &neighbours);
+        let coarse = galerkin::pattern(&prolongation, &neighbours);
         let zeros = vec![[0.0; W]; upper.n()];
         let stretches = galerkin::stretches(&upper, &prolongation, &coarse);
         let level = Level {
-            smoother: Smoother::new(upper, dissection),
+            smoother: Smoother::new(upper),
             prolongation,
             root: aggregates.root,
             b: zeros.clone(),
@@ -264,7 +239,7 @@ impl<const B: usize, const W: usize> Level<B, W> {
             below_upper: coarse.clone(),
             stretches,
         };
-        (level, coarse, below)
+        (level, coarse)
     }
 
     /// Takes over the matrix of this level. Fails with the node whose diagonal block is not positive definite.

@@ -3,7 +3,6 @@
 use super::aggregates::Aggregates;
 use super::blocks::{Smoother, Upper};
 use crate::neighbours::Neighbours;
-use crate::threads::{for_parts, share};
 use viscera_number::simd::{Kernel, dispatch};
 
 /// Rigid-body modes, and so unknowns of an aggregate.
@@ -11,9 +10,6 @@ pub(super) const MODES: usize = 6;
 
 /// A node's part in the modes of an aggregate; two lanes of padding.
 pub(super) type Part = [f32; 8];
-
-/// Nodes, or aggregates, that a thread takes at once.
-const PART: usize = 256;
 
 /// A mode that the others of its aggregate leave less of is one of them: nodes in a line turn about it in vain.
 const RANK_TOLERANCE: f64 = 1e-10;
@@ -36,35 +32,6 @@ pub(super) fn rigid_modes(points: &[[f64; 3]]) -> Modes {
     points.iter().flat_map(at).collect()
 }
 
-/// Which nodes and blocks belong to an aggregate, nodes ascending.
-struct Members {
-    start: Vec<u32>,
-    node_and_block: Vec<[u32; 2]>,
-}
-
-impl Members {
-    /// From the aggregates of every node.
-    fn new(n_coarse: usize, start: &[u32], column: &[u32]) -> Self {
-        let mut starts = vec![0u32; n_coarse + 1];
-        column.iter().for_each(|&aggregate| starts[aggregate as usize + 1] += 1);
-        (0..n_coarse).for_each(|aggregate| starts[aggregate + 1] += starts[aggregate]);
-        let (mut next, mut node_and_block) = (starts.clone(), vec![[0; 2]; column.len()]);
-        for (node, range) in (0u32..).zip(start.windows(2)) {
-            for block in range[0]..range[1] {
-                let next = &mut next[column[block as usize] as usize];
-                node_and_block[*next as usize] = [node, block];
-                *next += 1;
-            }
-        }
-        Members { start: starts, node_and_block }
-    }
-
-    #[inline(always)]
-    fn of(&self, aggregate: usize) -> &[[u32; 2]] {
-        &self.node_and_block[self.start[aggregate] as usize..self.start[aggregate + 1] as usize]
-    }
-}
-
 /// Blocks of `B` rows and six columns.
 pub(super) struct Prolongation<const B: usize> {
     n_coarse: usize,
@@ -76,8 +43,6 @@ pub(super) struct Prolongation<const B: usize> {
     start: Vec<u32>,
     column: Vec<u32>,
     blocks: Vec<[Part; B]>,
-    /// The same by aggregates.
-    members: Members,
     /// Unknowns of the next level that stand for a mode.
     has_unknown: Vec<bool>,
 }
@@ -100,7 +65,6 @@ impl<const B: usize> Prolongation<B> {
         }
         Prolongation {
             n_coarse: aggregates.count(),
-            members: Members::new(aggregates.count(), &start, &column),
             aggregate: aggregates.of.clone(),
             tentative: vec![[Part::default(); B]; n],
             blocks: vec![[Part::default(); B]; column.len()],
@@ -197,20 +161,12 @@ impl<const B: usize> Prolongation<B> {
 
     /// `r_coarse = -Pᵀ x`.
     pub fn restrict_negative<const W: usize>(&self, x: &[[f32; W]], coarse: &mut [Part]) {
-        if !share(coarse.len().div_ceil(PART)) {
-            return dispatch(Restrict { prolongation: self, x, coarse });
-        }
-        // Sums in the same order, from blocks that are farther apart.
-        for_parts(coarse, PART, |number, coarse| {
-            dispatch(RestrictTo { prolongation: self, x, first: number * PART, coarse });
-        });
+        dispatch(Restrict { prolongation: self, x, coarse });
     }
 
     /// `x += P x_coarse`.
     pub fn prolongate<const W: usize>(&self, coarse: &[Part], x: &mut [[f32; W]]) {
-        for_parts(x, PART, |number, x| {
-            dispatch(Prolongate { prolongation: self, coarse, first: number * PART, x });
-        });
+        dispatch(Prolongate { prolongation: self, coarse, x });
     }
 }
 
@@ -282,38 +238,9 @@ impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
     }
 }
 
-/// To some aggregates, from the first on.
-struct RestrictTo<'a, const B: usize, const W: usize> {
-    prolongation: &'a Prolongation<B>,
-    x: &'a [[f32; W]],
-    first: usize,
-    coarse: &'a mut [Part],
-}
-
-impl<const B: usize, const W: usize> Kernel for RestrictTo<'_, B, W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Prolongation { members, blocks, .. } = self.prolongation;
-        for (aggregate, coarse) in (self.first..).zip(self.coarse) {
-            let mut sum = Part::default();
-            for &[node, block] in members.of(aggregate) {
-                let (x, block) = (&self.x[node as usize], &blocks[block as usize]);
-                for i in 0..B {
-                    (0..8).for_each(|m| sum[m] -= block[i][m] * x[i]);
-                }
-            }
-            *coarse = sum;
-        }
-    }
-}
-
-/// From some nodes on.
 struct Prolongate<'a, const B: usize, const W: usize> {
     prolongation: &'a Prolongation<B>,
     coarse: &'a [Part],
-    first: usize,
     x: &'a mut [[f32; W]],
 }
 
@@ -322,7 +249,7 @@ impl<const B: usize, const W: usize> Kernel for Prolongate<'_, B, W> {
 
     #[inline(always)]
     fn run(self) {
-        for (node, x) in (self.first..).zip(self.x) {
+        for (node, x) in self.x.iter_mut().enumerate() {
             let (columns, blocks) = self.prolongation.row(node);
             let mut products = [Part::default(); B];
             for (&column, block) in columns.iter().zip(blocks) {

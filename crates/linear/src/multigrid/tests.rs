@@ -15,7 +15,6 @@ struct Elastic {
     pairs: Vec<(u32, u32)>,
     values: Vec<f64>,
     is_held: Vec<bool>,
-    dissection: Dissection,
 }
 
 impl Elastic {
@@ -57,35 +56,9 @@ impl Elastic {
         }
         Elastic {
             is_held: points.iter().flat_map(|point| [point[0] == 0.0; 3]).collect(),
-            dissection: Dissection::whole(points.len()),
             points,
             pairs: blocks.keys().map(|&(column, row)| (row as u32, column as u32)).collect(),
             values: blocks.into_values().flatten().collect(),
-        }
-    }
-
-    /// The same with its nodes in slabs.
-    fn in_slabs(self) -> Self {
-        let n = self.points.len();
-        let numbering = Numbering::given(n).in_slabs(self.pairs.iter().copied());
-        let place = |node: u32| numbering.place()[node as usize];
-        let mut blocks = std::collections::BTreeMap::new();
-        for (&(row, column), block) in self.pairs.iter().zip(self.values.as_chunks::<9>().0) {
-            let (row, column) = (place(row), place(column));
-            let transposed = std::array::from_fn(|k| block[3 * (k % 3) + k / 3]);
-            let block: [f64; 9] = if row <= column { *block } else { transposed };
-            blocks.insert((row.max(column), row.min(column)), block);
-        }
-        let nodes = numbering.order().iter().map(|&node| node as usize);
-        Elastic {
-            points: nodes.clone().map(|node| self.points[node]).collect(),
-            pairs: blocks.keys().map(|&(column, row)| (row, column)).collect(),
-            values: blocks.into_values().flatten().collect(),
-            is_held: nodes
-                .flat_map(|node| (0..3).map(move |i| 3 * node + i))
-                .map(|k| self.is_held[k])
-                .collect(),
-            dissection: numbering.dissection().clone(),
         }
     }
 
@@ -95,9 +68,7 @@ impl Elastic {
 
     fn multigrid_to(&self, n_coarsest: usize) -> Multigrid {
         let pairs = self.pairs.iter().copied();
-        let mut multigrid =
-            Multigrid::with_coarsest(n_coarsest, &self.points, pairs, self.dissection.clone())
-                .unwrap();
+        let mut multigrid = Multigrid::with_coarsest(n_coarsest, &self.points, pairs).unwrap();
         multigrid.hold(&self.is_held);
         multigrid.factorize(&self.values, 0.0).unwrap();
         multigrid
@@ -233,8 +204,7 @@ fn rigid_motions_are_known_on_every_level() {
     let mut elastic = Elastic::new([9, 6, 5], 0.3);
     elastic.is_held.fill(false);
     let pairs = elastic.pairs.iter().copied();
-    let mut multigrid =
-        Multigrid::with_coarsest(8, &elastic.points, pairs, elastic.dissection.clone()).unwrap();
+    let mut multigrid = Multigrid::with_coarsest(8, &elastic.points, pairs).unwrap();
     // A little stiffness, so that the coarsest matrix has a factor; rigid motions feel hardly any.
     multigrid.factorize(&elastic.values, 1e-9).unwrap();
     let mut modes = rigid_modes(&elastic.points);
@@ -323,8 +293,7 @@ fn nodes_in_a_line_have_fewer_modes() {
     let identity = |factor: f64| (0..9).map(move |k| if k % 4 == 0 { factor } else { 0.0 });
     let pairs = (0..n as u32).flat_map(|k| [(k.saturating_sub(1), k), (k, k)]).skip(1).collect();
     let values = (0..n).flat_map(|_| identity(-1.0).chain(identity(2.0))).skip(9).collect();
-    let (is_held, dissection) = (vec![false; 3 * n], Dissection::whole(n));
-    let line = Elastic { points, pairs, values, is_held, dissection };
+    let line = Elastic { points, pairs, values, is_held: vec![false; 3 * n] };
     let mut multigrid = line.multigrid();
     assert!(multigrid.levels().len() > 2);
     let unknowns = multigrid.finest.prolongation.unknowns();
@@ -362,38 +331,7 @@ fn refuses_bad_arguments() {
     let below_the_diagonal = [(0, 0), (1, 0), (1, 1)];
     let outside = [(0, 0), (1, 1), (2, 2)];
     for pairs in [&swapped[..], &without_diagonal, &below_the_diagonal, &outside] {
-        let refused = Multigrid::new(&[[0.0; 3]; 2], pairs.iter().copied(), Dissection::whole(2));
+        let refused = Multigrid::new(&[[0.0; 3]; 2], pairs.iter().copied());
         assert!(matches!(refused, Err(FactorError::InvalidPattern { .. })), "{pairs:?}");
     }
-}
-
-/// One thread sweeps through all nodes in their order, several through slabs; of the finest level, and of the next.
-#[test]
-fn a_cycle_is_the_same_on_any_number_of_threads() {
-    let elastic = Elastic::new([16, 16, 88], 0.4).in_slabs();
-    assert!(elastic.dissection.slabs().len() > 2);
-    let mut multigrid = elastic.multigrid();
-    assert!(multigrid.levels()[1] >= DISSECTED, "{:?}", multigrid.levels());
-    let b = load(elastic.n(), 0);
-    let [one, three] = [1, 3].map(|threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let mut z = vec![f64::NAN; b.len()];
-            multigrid.factorize(&elastic.values, 0.0).unwrap();
-            multigrid.apply(&b, &mut z);
-            z
-        })
-    });
-    assert!(one == three && one.iter().all(|z| z.is_finite()));
-}
-
-/// Slabs change the order of a sweep, and little else.
-#[test]
-fn slabs_cost_few_iterations() {
-    let whole = Elastic::new([10, 10, 30], 0.4);
-    let expected = whole.solve(&mut whole.multigrid()).iterations;
-    let elastic = whole.in_slabs();
-    assert!(elastic.dissection.slabs().len() > 2);
-    let iterations = elastic.solve(&mut elastic.multigrid()).iterations;
-    assert!(iterations <= expected + 2 + expected / 5, "{iterations}, {expected} without");
 }

@@ -19,7 +19,7 @@ use crate::equilibrium::Tangent;
 use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, IncompleteCholesky, Operator, Workspace,
 };
-use crate::linear::{BlockMatrix, Dissection, FactorError, Multigrid, Numbering};
+use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
 use crate::number::dot;
 use forcing::Forcing;
 use guess::Guess;
@@ -86,8 +86,6 @@ impl Iterative {
         let n_dofs = body.n_dofs();
         let operand = Operand::new(body, settings.is_matrix_free, numbering);
         let pattern = operand.pattern().unwrap_or(body.pattern());
-        let whole = || Dissection::whole(n_dofs / 3);
-        let dissection = numbering.map_or_else(whole, |numbering| numbering.dissection().clone());
         let inverse = match settings.preconditioner {
             Preconditioner::BlockJacobi => Inverse::BlockJacobi(BlockJacobi::new(n_dofs / 3)),
             Preconditioner::IncompleteCholesky => {
@@ -103,7 +101,7 @@ impl Iterative {
                     numbering.order().iter().map(|&node| body.points()[node as usize]).collect()
                 };
                 let points = numbering.map_or_else(|| body.points().to_vec(), points);
-                Inverse::Multigrid(Box::new(Multigrid::new(&points, pattern.pairs(), dissection)?))
+                Inverse::Multigrid(Box::new(Multigrid::new(&points, pattern.pairs())?))
             }
         };
         Ok(Iterative {

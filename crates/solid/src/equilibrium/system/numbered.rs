@@ -196,8 +196,7 @@ impl Numbered {
 }
 
 /// The order that serves a preconditioner: an incomplete factor is better in a good one, products with a large matrix are
-/// faster in one where the body's is bad, and threads share sweeps through a large one in slabs; a factor has its own, and
-/// so has a device.
+/// faster in one where the body's is bad; a factor has its own, and so has a device.
 fn numbering(settings: &ConjugateGradients, body: &Body) -> Option<Numbering> {
     let is_incomplete = settings.preconditioner == Preconditioner::IncompleteCholesky;
     let has_own = settings.preconditioner == Preconditioner::LaggedCholesky
@@ -210,10 +209,5 @@ fn numbering(settings: &ConjugateGradients, body: &Body) -> Option<Numbering> {
     let pairs = || body.pattern().pairs();
     let numbering = Numbering::reverse_cuthill_mckee(n, pairs());
     let [given, ordered] = numbering.distances(pairs());
-    let is_given_good = given <= DISORDERED * ordered;
-    match settings.preconditioner {
-        Preconditioner::Multigrid if is_given_good => Some(Numbering::given(n).in_slabs(pairs())),
-        Preconditioner::Multigrid => Some(numbering.in_slabs(pairs())),
-        _ => (is_incomplete || !is_given_good).then_some(numbering),
-    }
+    (is_incomplete || given > DISORDERED * ordered).then_some(numbering)
 }
