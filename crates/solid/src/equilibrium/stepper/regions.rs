@@ -1,19 +1,20 @@
-//! Nodes whose forces are of one size: those of one connected part, of tissue whose stiffness is of one order. What is out of
-//! balance in one region is compared with the forces there: beside bone, or another organ under a heavy load, the forces of
-//! soft tissue would count for nothing.
+//! Regions of a body whose nodal forces are of one size: a connected part, and in it the tissue whose shear moduli are within
+//! a factor of 100. The residual of a region is relative to the forces in it. Relative to those of bone, or of another
+//! organ under a heavy load, the residual of soft tissue would always be small.
 
 use crate::body::Body;
 use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::problem::part_of_nodes;
 use std::collections::BTreeMap;
 
-/// Range of shear moduli in a region, from its stiffest tissue down.
+/// Ratio of the largest to the smallest shear modulus of a region.
 const RANGE: f64 = 100.0;
 
-/// Most orders below the stiffest; what has no stiffness is of the last.
+/// Regions of a part, counted down from its stiffest tissue; the last one holds all that is softer.
 const MOST: f64 = 9.0;
 
-/// The least force that counts in a region, over all nodal forces: conjugate gradients leave less than this nowhere.
+/// The forces of a region count as at least this part of all nodal forces: a region that nothing loads has only what rounding
+/// and the iterative solvers leave there.
 const LEAST: f64 = 1e-6;
 
 /// The region of every node.
