@@ -71,6 +71,7 @@ class Supported(Pictured):
         """Indices (k,) of the fixed nodes."""
         corners = self.mesh.points[: self.mesh.n_corners]
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element, self._ties.core)
+        self._narrow: set[float] = set()  # radii of contacts that were warned of
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"
@@ -84,7 +85,7 @@ class Supported(Pictured):
         Both may be given in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
         In `solve` a patch can take the place of a node set: to prescribe its mean displacement, or to spread a force
         over it. A radius below half the mean edge of the surface there is taken with a warning: such a patch is a node
-        or the corners of a triangle, and its force depends on the mesh.
+        or the corners of a triangle, and its force depends on the mesh. It is said once for each radius.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -135,11 +136,15 @@ class Supported(Pictured):
         return draw_rest(mesh.points, mesh.surface, fixed=self.fixed, parts=parts, title=title, path=path)
 
     def _warn_if_narrow(self, radius: float, nodes: Indices) -> None:
-        """A warning if contacts at these nodes of the surface are narrower than the mesh can show."""
+        """A warning if contacts at these nodes of the surface are narrower than the mesh can show, once for a radius: a
+        loop may take hold in every frame."""
+        if radius in self._narrow:
+            return
         surface, points = self.mesh.surface, self.mesh.points
         near = surface[np.isin(surface, nodes).any(axis=1)]
         edge = float(np.linalg.norm(points[near] - points[np.roll(near, 1, axis=1)], axis=2).mean())
         if radius < NARROW * edge:
+            self._narrow.add(radius)
             log.warning(
                 "the radius of the contact is %.3g mm, and edges of the surface are %.3g mm long in the mean: the "
                 "contact is at single nodes, and its force depends on the mesh; enlarge the radius, or refine the mesh",

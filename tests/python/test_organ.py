@@ -301,6 +301,8 @@ def test_a_contact_narrower_than_the_mesh_is_taken_with_a_warning(
     assert caplog.text == ""
     clamped.patch((0.3, 0.05, 0.1), 1e-9)
     assert f"the radius of the contact is 1e-06 {told}" in caplog.text
+    clamped.patch((0.35, 0.05, 0.1), 1e-9)
+    assert len(caplog.records) == 1, "once for a radius"
     clamped.reduce("tip", radius=0.02, depth=0.01, order=2)
     assert f"the radius of the contact is 20 {told}" in caplog.text
     clamped.reduce("tip", depth=0.01, order=2, vary=vs.Vary("radius", 0.01, 0.08, nodes=2))
