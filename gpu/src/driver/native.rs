@@ -7,7 +7,6 @@ use std::borrow::Cow;
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use wgpu::util::DeviceExt;
 use wgpu::{BufferUsages, CommandEncoder, ComputePass, ComputePipeline, Features};
 
 pub use wgpu::{BindGroup as Group, Buffer};
@@ -98,19 +97,22 @@ impl Driver {
                 Kind::Storage => BufferUsages::STORAGE | BufferUsages::COPY_SRC,
                 Kind::Uniform => BufferUsages::UNIFORM,
             };
+        let size = match contents {
+            Contents::Zeros(size) => size,
+            Contents::Bytes(bytes) => bytes.len() as u64,
+        };
         let label = Some(label);
-        match contents {
-            Contents::Zeros(size) => self.device.create_buffer(&wgpu::BufferDescriptor {
-                label,
-                size,
-                usage,
-                mapped_at_creation: false,
-            }),
-            Contents::Bytes(contents) => {
-                let descriptor = wgpu::util::BufferInitDescriptor { label, contents, usage };
-                self.device.create_buffer_init(&descriptor)
-            }
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label,
+            size,
+            usage,
+            mapped_at_creation: false,
+        });
+        // Not mapped at its creation: if the device was lost meanwhile, wgpu would panic.
+        if let Contents::Bytes(bytes) = contents {
+            self.write(&buffer, 0, bytes);
         }
+        buffer
     }
 
     /// Writes from this byte on, before the commands that are submitted next.
@@ -222,14 +224,16 @@ impl Encoder<'_> {
         staging.map_async(wgpu::MapMode::Read, ..at, move |result| drop(sender.send(result)));
         let polled = driver.device.poll(wgpu::PollType::wait_indefinitely());
         driver.fault().map_or(Ok(()), Err)?;
-        polled.map_err(|error| Error::Lost(sentence(&error)))?;
+        // A device that is lost from here on has told why before what it was asked for fails.
+        let lost = |why: String| driver.fault().unwrap_or(Error::Lost(why));
+        polled.map_err(|error| lost(sentence(&error)))?;
         // Another thread that polls the device may have taken this callback and not called it yet.
         match mapped.recv_timeout(PATIENCE) {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(Error::Lost(sentence(&error))),
-            Err(_) => return Err(Error::Lost("it does not respond".to_string())),
+            Ok(Err(error)) => return Err(lost(sentence(&error))),
+            Err(_) => return Err(lost("it does not respond".to_string())),
         }
-        let view = staging.get_mapped_range(..at).map_err(|error| Error::Lost(sentence(&error)))?;
+        let view = staging.get_mapped_range(..at).map_err(|error| lost(sentence(&error)))?;
         let mut rest = &view[..];
         let read = parts.iter().map(|&(_, words)| {
             let (own, others) = rest.split_at(4 * words);
