@@ -47,7 +47,7 @@ fuzz_profile   := CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_LTO=of
 FUZZ_SECONDS   ?= 60
 HAPTIC_SECONDS ?= 600
 
-# Processes that share the Python tests, file by file.
+# Processes that share the tests in Python and in the browser, file by file.
 WORKERS ?= 2
 
 # The viewer's page is a build product inside the package; without Node everything else still builds and tests.
@@ -115,7 +115,7 @@ test-python: $(development) $(node_viewer) ## the Python tests and doctests
 	$(BIN)/pytest --numprocesses=$(WORKERS) --dist=loadfile --ignore=$(c_tests) --ignore=tests/web
 
 test-web: $(development) $(page_stepper) $(VENV)/chromium ## the viewer in a real browser, against Python
-	$(BIN)/pytest tests/web
+	$(BIN)/pytest --numprocesses=$(WORKERS) --dist=loadfile tests/web
 
 viewer: $(page_stepper) ## the viewer's page: evaluator to WebAssembly, TypeScript to one module
 

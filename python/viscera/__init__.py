@@ -19,7 +19,7 @@ from viscera.bond import Bond
 from viscera.case import Case
 from viscera.cluster import sweep
 from viscera.comparison import compare
-from viscera.contact import Box, Capsule, Contact, HalfSpace, Instrument, Shape, Sphere, Tool
+from viscera.contact import Contact, Tool
 from viscera.contact_pair import ContactPair
 from viscera.deformed import Deformed, Moved, PointValues
 from viscera.dynamics import BackwardEuler, Newmark, Prony
@@ -31,6 +31,7 @@ from viscera.forceps import Forceps
 from viscera.frame import Frame
 from viscera.hand import Hand
 from viscera.image_fibres import image_fibres
+from viscera.instrument import Instrument
 from viscera.law import (
     ArrudaBoyce,
     Corotated,
@@ -57,6 +58,7 @@ from viscera.scene import Scene
 from viscera.scene_case import SceneCase
 from viscera.scene_case import read_any as case
 from viscera.series import write_series
+from viscera.shapes import Box, Capsule, HalfSpace, Shape, Sphere
 from viscera.solver import ConjugateGradients
 from viscera.spring import Spring
 from viscera.state import State

@@ -40,7 +40,7 @@ class ContactPair:
     reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
         the smaller organ; by default 5 %, of one surface 2 %. What is farther apart at rest may touch too; the solver
         then analyses its matrix anew. A larger one than things move in a solve makes it harder.
-    stiffness: of the layer, as in `Tool`.
+    stiffness: of the layer, as in `Tool`; the diagonal is that of the box around both organs.
     friction: Coulomb's coefficient, 0 for none. In `solve` it is integrated from load step to load step. For surfaces
         that stick to each other take a `Bond`.
 

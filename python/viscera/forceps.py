@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera.contact import Box, Capsule, Contact, Instrument, Sphere, kept
+from viscera.contact import Contact
 from viscera.errors import VisceraError
+from viscera.instrument import Instrument
 from viscera.mesh import Floats
+from viscera.posed import Posed, kept
 from viscera.quantity import Number, refused, vector
 from viscera.rotation import rotation_matrix
 from viscera.select import length_in_space
+from viscera.shapes import Box, Capsule, Sphere
 
 if TYPE_CHECKING:
     from viscera.stepper import Stepper
@@ -38,7 +41,7 @@ class JawForces:
     is_settled: bool
 
 
-class Forceps:
+class Forceps(Posed):
     """Two jaws that face each other across an opening: made by `Stepper.forceps`, ended by `remove`.
 
     The jaws lie along the z axis of the forceps and close along its x axis, in the middle of which is its origin. They
@@ -58,6 +61,8 @@ class Forceps:
     >>> frame.is_settled, f"{forceps.grip:.0f} N", f"{1e3 * forceps.opening:.0f} mm"
     (True, '20 N', '199 mm')
     """
+
+    _WHAT = "forceps"
 
     def __init__(
         self,
@@ -89,24 +94,6 @@ class Forceps:
             raise
         self.jaws: tuple[Instrument, Instrument] = (made[0], made[1])
         """The jaws on the sides of negative and positive x: tools, as for `Frame.contact`."""
-
-    @property
-    def position(self) -> Floats:
-        """Position (3,) [m] midway between the jaws, for the next frame."""
-        return self._position
-
-    @position.setter
-    def position(self, value: ArrayLike) -> None:
-        self.place(vector(value, "the position of forceps", "m"))
-
-    @property
-    def rotation(self) -> Floats:
-        """Rotation matrix (3, 3) for the next frame."""
-        return self._rotation
-
-    @rotation.setter
-    def rotation(self, value: ArrayLike | None) -> None:
-        self.place(rotation=rotation_matrix(value, "the rotation of forceps"))
 
     @property
     def opening(self) -> float:
@@ -158,7 +145,7 @@ class Forceps:
         >>> forceps.rotation.round(3).diagonal().tolist()
         [-1.0, -1.0, 1.0]
         """
-        self.place(rotation=rotation_matrix(vector(by, "the turn of forceps", "rad")) @ self.rotation)
+        self.place(rotation=self._turned_by(by))
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
         """Set the pose for the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad].
@@ -171,9 +158,7 @@ class Forceps:
         >>> [jaw.position.round(3).tolist() for jaw in forceps.jaws]
         [[0.8, -0.1, 0.1], [0.8, 0.3, 0.1]]
         """
-        placed = self.position if position is None else vector(position, "the position of forceps", "m")
-        turned = self.rotation if rotation is None else rotation_matrix(rotation, "the rotation of forceps")
-        self._set(placed, turned, self.opening)
+        self._set(self._placed(position), self._turned(rotation), self.opening)
 
     def open(self, by: float | str) -> None:
         """Open by a length [m], or in words such as "2 mm", with the next frame; ends a squeeze.

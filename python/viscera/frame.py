@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viscera import _core
-from viscera.contact import Contact, Instrument, Tool
+from viscera.contact import Contact, Tool
 from viscera.contact_pair import ContactPair, unknown_contact
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.forceps import Forceps, JawForces
 from viscera.hand import Hand
+from viscera.instrument import Instrument
 from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
 from viscera.ties import Tied

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
-from viscera.contact import kept
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices
+from viscera.posed import Posed, kept
 from viscera.quantity import numbers_of, refused, vector
-from viscera.rotation import UNTURNED, angle_between, mean_rotation, rotation_matrix, spread
+from viscera.rotation import UNTURNED, angle_between, mean_rotation, spread
 from viscera.select import Lengths, offset
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ FURTHEST_TURN = 0.5 * np.pi
 """Largest angle [rad] of a turn in one frame."""
 
 
-class Hand:
+class Hand(Posed):
     """A hand, or a pair of forceps, that holds a place of the organ: made by `Stepper.grasp`, ended by `release`.
 
     It moves and turns what it holds, or pulls at it with a force and a torque. All about its centre, the weighted mean
@@ -46,6 +46,8 @@ class Hand:
     '3.0 mm'
     """
 
+    _WHAT = "a hand"
+
     def __init__(self, stepper: Stepper, where: _core.Patch | tuple[int, ...], weights: Floats) -> None:
         self._stepper = stepper
         self._where = where
@@ -61,24 +63,6 @@ class Hand:
         self._rotation: Floats = kept(np.array(UNTURNED))
         self._reached = self._rotation
         self._arms = places - self._position
-
-    @property
-    def position(self) -> Floats:
-        """Place of its centre (3,) [m] for the next frame."""
-        return self._position
-
-    @position.setter
-    def position(self, value: ArrayLike) -> None:
-        self.place(vector(value, "the position of a hand", "m"))
-
-    @property
-    def rotation(self) -> Floats:
-        """Rotation matrix (3, 3) for the next frame, from the shape at the grasp."""
-        return self._rotation
-
-    @rotation.setter
-    def rotation(self, value: ArrayLike | None) -> None:
-        self.place(rotation=rotation_matrix(value, "the rotation of a hand"))
 
     @property
     def displacement(self) -> Floats:
@@ -159,10 +143,10 @@ class Hand:
         >>> frame.is_settled, frame.torque(hand)[0].round(2).item()
         (True, 5.48)
         """
-        turn = rotation_matrix(vector(by, "the turn of a hand", "rad"))
+        turn = vector(by, "the turn of a hand", "rad")
         self._may("turned")
         self._hold_turn()
-        self._rotation = kept(turn @ self.rotation)
+        self._rotation = kept(self._turned_by(turn))
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
         """Set the place of its centre (3,) [m] for the next frame, and its rotation from the shape at the grasp: a
@@ -177,9 +161,9 @@ class Hand:
         True
         """
         self._may("placed")
-        placed = self.position if position is None else vector(position, "the position of a hand", "m")
+        placed = self._placed(position)
         if rotation is not None:
-            turned = rotation_matrix(rotation, "the rotation of a hand")
+            turned = self._turned(rotation)
             self._hold_turn()
             self._rotation = kept(turned)
         self._position = placed

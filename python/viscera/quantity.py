@@ -8,7 +8,7 @@ classes, since each dataclass would add a millisecond to the import of the packa
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -209,3 +209,10 @@ def _scalar(value: Any) -> Any:
 
 def _bracketed(unit: str) -> str:
     return f" [{unit}]" if unit else ""
+
+
+def refuse_twice(given: Sequence[object], where: str) -> None:
+    """Raise `VisceraError` if the same thing is named twice: it would act twice, and its report tell a half."""
+    for number, each in enumerate(given):
+        if any(each is other for other in given[:number]):
+            raise VisceraError(f"{where}: {each!r} is named twice and would act twice; name it once")

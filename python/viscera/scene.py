@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 from viscera import _core
 from viscera import law as laws
 from viscera.bond import Bond
-from viscera.contact import AnyShape, Tool, refuse_twice, tools_of
+from viscera.contact import Tool, tools_of
 from viscera.contact_pair import ContactPair, refuse_overlap
 from viscera.errors import VisceraError, did_you_mean
 from viscera.loads import faces_within
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.organ import Organ
-from viscera.quantity import refused
+from viscera.quantity import refuse_twice, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
+from viscera.shapes import AnyShape
 from viscera.spring import Spring
 from viscera.ties import Tied, Ties
 

@@ -33,7 +33,7 @@ import numpy as np
 
 from viscera.bond import Bond
 from viscera.case import PLACED, Case, Solvable, case_of, load_mesh, read_words
-from viscera.contact import AnyShape, Contact, HalfSpace, Shape, Tool
+from viscera.contact import Contact, Tool
 from viscera.contact_pair import ContactPair
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Mesh
@@ -42,6 +42,7 @@ from viscera.rotation import rotation_matrix
 from viscera.scene import Scene
 from viscera.scene_schema import SCENE, SHAPES, SIZES, Side
 from viscera.select import in_space
+from viscera.shapes import AnyShape, HalfSpace, Shape
 from viscera.spring import Spring
 from viscera.state import State
 

@@ -12,12 +12,13 @@ import numpy as np
 from viscera import _core
 from viscera.atomic import replacing
 from viscera.casefile import Places, load_words, organ_words, plain, target_of
-from viscera.contact import Shape, Tool
+from viscera.contact import Tool
 from viscera.errors import VisceraError
 from viscera.loads import Where, name_of
 from viscera.mesh import Where as Nodes
 from viscera.scene_case import SceneCase, any_case_of, read_any
 from viscera.scene_schema import SIZES
+from viscera.shapes import Shape
 from viscera.spring import Spring
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from dataclasses import replace
 from inspect import Parameter, signature
 from typing import Any
 
-from viscera import bond, contact, contact_pair, spring
+from viscera import bond, contact, contact_pair, shapes, spring
 from viscera.entries import Key, Length, PerCell, Table, Text, Units, known
 from viscera.errors import VisceraError
 from viscera.quantity import Choice, Flag, Number, Vector, brief, numbers_of, refused
 from viscera.schema import CASE, LOADS, SETTINGS
 from viscera.select import METRIC, in_space, length
 
-SHAPES = {shape.__name__: shape for shape in contact.SHAPES}
+SHAPES = {shape.__name__: shape for shape in shapes.SHAPES}
 """Shapes of rigid bodies."""
 SIZES = ("radius", "length", "sides", "rounding", "surface")
 """What may be said of the size of a shape."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from viscera import _core
-from viscera.contact import AnyShape, Contact, Tool, contacts
+from viscera.contact import Contact, Tool, contacts
 from viscera.contact_pair import ContactPair, unknown_contact
 from viscera.deformed import Deformed
 from viscera.display import Pictured
@@ -18,6 +18,7 @@ from viscera.errors import VisceraError
 from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Choice
+from viscera.shapes import AnyShape
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

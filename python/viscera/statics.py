@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import gpu
-from viscera.contact import AnyShape, Tool, tools_of
+from viscera.contact import Tool, tools_of
 from viscera.errors import NotConverged, VisceraError
 from viscera.frame import Frame
 from viscera.loads import (
@@ -27,6 +27,7 @@ from viscera.mesh import Floats, Mesh
 from viscera.path import Expansion, Path
 from viscera.progress import Progress, shown
 from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
+from viscera.shapes import AnyShape
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State
 from viscera.support import require_held

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core, gpu
-from viscera.contact import AnyShape, Box, Capsule, Instrument, Sphere, Tool, contacts
+from viscera.contact import Tool, contacts
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
 from viscera.forceps import Forceps
 from viscera.frame import Frame
 from viscera.hand import Hand
+from viscera.instrument import Instrument
 from viscera.loads import (
     Density,
     Displacements,
@@ -32,6 +33,7 @@ from viscera.loads import (
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.prescribed import PrescribedMotion
 from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
+from viscera.shapes import AnyShape, Box, Capsule, Sphere
 from viscera.solver import Solver, core_solver
 from viscera.support import require_held
 

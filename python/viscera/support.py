@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, Where
-from viscera.quantity import refused
+from viscera.quantity import refuse_twice, refused
 from viscera.ties import NONE, Link, Tied, Ties
 
 
@@ -53,6 +53,7 @@ def supports_of(supports: Sequence[Tied]) -> tuple[Tied, ...]:
     for support in supports:
         if not isinstance(support, Tied):
             raise refused("a support of an organ", "an ElasticSupport", support)
+    refuse_twice(supports, "supports")
     return tuple(supports)
 
 

@@ -155,12 +155,16 @@ def test_a_case_file_keeps_supports(tmp_path: Path) -> None:
         vs.Case(mesh="organ:beam", material=case.material, supports={"base": {"stiffness": 1e6, "tangential": -1}})
 
 
+BED = bed()
+
+
 @pytest.mark.parametrize(
     ("held", "said"),
     [
         ({}, "nothing is fixed: the organ would float away"),
         ({"supports": bed()}, "supports must be a list"),
         ({"supports": ["base"]}, "a support of an organ must be an ElasticSupport"),
+        ({"supports": [BED, BED]}, "supports: .* is named twice and would act twice; name it once"),
         ({"supports": [vs.ElasticSupport([0], 1e6)]}, "holds no whole triangle of the surface"),
         ({"supports": [vs.ElasticSupport("bottom", 1e6)]}, "the elastic support of 'bottom'"),
         ({"supports": [bed(tangential=0.0)]}, "3 of its 6 rigid motions are free"),

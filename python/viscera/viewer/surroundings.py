@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viscera.contact import AnyShape, Instrument, Shape, Tool
+from viscera.contact import Tool
+from viscera.instrument import Instrument
 from viscera.mesh import Floats
+from viscera.shapes import AnyShape, Shape
 from viscera.ties import Link
 
 if TYPE_CHECKING:

@@ -96,7 +96,7 @@ impl ActivePair {
         let [sampled, other] = triangles.map(|triangles| {
             Facets::new(triangles.iter().map(|triangle| triangle.map(local)).collect())
         });
-        let (behind, height) = (cells_behind(body), Height::new(body));
+        let (behind, height) = (cells_behind(body), Height::of_all(body, &corners));
         let layers = triangles.map(|triangles| {
             let layer = |triangle: &[u32; 3]| {
                 let face = pair.face_of(triangle);

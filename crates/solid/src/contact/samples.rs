@@ -7,7 +7,7 @@ mod sides;
 
 use super::layer::Layer;
 use super::weighted_nodes::WeightedNodes;
-use crate::body::Body;
+use crate::body::{Body, part_of_nodes};
 use crate::mesh::{cell_volume, diagonal, norm};
 use face::{Border, Face, faces_of};
 use rule::{Place, parts, places};
@@ -15,8 +15,8 @@ use sides::{Sides, sharp_edges};
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
-/// Largest height of a cell that counts, over the diagonal of the body, so that tools do not enter coarse meshes
-/// deeper.
+/// Largest height of a cell that counts, over the diagonal of the organ that it is of, so that tools do not enter coarse
+/// meshes deeper, nor a small organ beside a large one.
 const THICKEST: f64 = 0.015;
 
 /// The samples of a body's surface.
@@ -232,17 +232,42 @@ pub(super) fn modulus(body: &Body, cell: usize) -> f64 {
 /// Heights of the cells behind a surface, as far as they count.
 pub(super) struct Height<'a> {
     body: &'a Body,
-    thickest: f64,
+    /// The organ of each node, and the largest height in each organ that counts [m].
+    organ: Vec<u32>,
+    thickest: Vec<f64>,
 }
 
 impl<'a> Height<'a> {
+    /// For what touches each organ by itself.
     pub fn new(body: &'a Body) -> Self {
-        Height { body, thickest: THICKEST * diagonal(body.points()) }
+        let organ = part_of_nodes(body);
+        let mut points = vec![Vec::new(); n_organs(&organ)];
+        for (organ, x) in organ.iter().zip(body.points()) {
+            points[*organ as usize].push(*x);
+        }
+        let thickest = points.iter().map(|points| THICKEST * diagonal(points)).collect();
+        Height { body, organ, thickest }
+    }
+
+    /// For what presses the organs of these nodes on each other: they count as one.
+    pub fn of_all(body: &'a Body, nodes: &[u32]) -> Self {
+        let organ = part_of_nodes(body);
+        let mut is_one = vec![false; n_organs(&organ)];
+        nodes.iter().for_each(|&node| is_one[organ[node as usize] as usize] = true);
+        let all = organ.iter().zip(body.points()).filter(|(organ, _)| is_one[**organ as usize]);
+        let points: Vec<_> = all.map(|(_, x)| *x).collect();
+        let thickest = vec![THICKEST * diagonal(&points); is_one.len()];
+        Height { body, organ, thickest }
     }
 
     /// Of a cell over a face of this area [m].
     pub fn of(&self, cell: usize, area: f64) -> f64 {
-        let volume = cell_volume(self.body.points(), self.body.cells()[cell]).abs();
-        (3.0 * volume / area).min(self.thickest)
+        let corners = self.body.cells()[cell];
+        let volume = cell_volume(self.body.points(), corners).abs();
+        (3.0 * volume / area).min(self.thickest[self.organ[corners[0] as usize] as usize])
     }
+}
+
+fn n_organs(organ: &[u32]) -> usize {
+    organ.iter().max().map_or(0, |last| *last as usize + 1)
 }

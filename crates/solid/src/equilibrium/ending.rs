@@ -135,6 +135,9 @@ impl Cut {
             Cut::OutOfReach => {
                 "surfaces rub that were out of reach at the start of the load step".into()
             }
+            Cut::Factor(FactorError::SolutionNotFinite { .. }) => {
+                "the displacement of a smaller load step still overflows; check the units of loads and moduli".into()
+            }
             Cut::Factor(error) => error.to_string(),
             Cut::Solver(error) => error.to_string(),
             Cut::Spent | Cut::Doubtful => "conjugate gradients did not converge".into(),

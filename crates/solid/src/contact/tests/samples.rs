@@ -1,7 +1,7 @@
 //! Places on faces: their share of the surface, and what they feel between the nodes.
 
 use super::*;
-use crate::contact::samples::Samples;
+use crate::contact::samples::{Height, Samples};
 use crate::element::Element;
 
 /// Whatever the parts of the faces, a body within a layer is pressed by its consistent nodal forces, and the areas on both
@@ -54,4 +54,24 @@ fn a_small_sphere_is_felt_between_the_nodes() {
     let report = contact.report(0).unwrap();
     assert!(report.touching > 0 && report.force[2] < -0.1, "{report:?}");
     assert!(report.gap > -1e-3 * diagonal(body.points()), "{report:?}");
+}
+
+/// The layer is that of the organ that is touched, however far another one lies.
+#[test]
+fn a_far_organ_makes_no_layer_thicker() {
+    let (points, cells) = block([1; 3], [SIDE; 3]);
+    let n_cells = cells.len();
+    let far = points.iter().map(|x| [x[0] + 100.0 * SIDE, x[1], x[2]]);
+    let both: Vec<_> = points.iter().copied().chain(far).collect();
+    let others = cells.iter().map(|cell| cell.map(|node| points.len() as u32 + node));
+    let all = cells.iter().copied().chain(others).collect();
+    let material = || Material::new("neo_hookean", vec![vec![4e3, 6e3]]).unwrap();
+    let alone = Body::new(points.clone(), cells, material()).unwrap();
+    let beside = Body::new(both, all, material()).unwrap();
+    let [height, near] = [&alone, &beside].map(Height::new);
+    for cell in 0..n_cells {
+        // So thin a face that the height of the cell does not count.
+        assert_eq!(near.of(cell, 1e-9), height.of(cell, 1e-9));
+    }
+    assert!((height.of(0, 1e-9) / SIDE - 0.015 * 3.0f64.sqrt()).abs() < 1e-12);
 }

@@ -2,9 +2,8 @@
 //! a factor of 100. The residual of a region is relative to the forces in it. Relative to those of bone, or of another
 //! organ under a heavy load, the residual of soft tissue would always be small.
 
-use crate::body::Body;
+use crate::body::{Body, part_of_nodes};
 use crate::equilibrium::iteration::Rounding;
-use crate::equilibrium::problem::part_of_nodes;
 use std::collections::BTreeMap;
 
 /// Ratio of the largest to the smallest shear modulus of a region.
