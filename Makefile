@@ -47,7 +47,7 @@ fuzz_profile   := CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_LTO=of
 FUZZ_SECONDS   ?= 60
 HAPTIC_SECONDS ?= 600
 
-# Processes that share the tests in Python and in the browser, file by file.
+# Processes that share the tests in Python, file by file.
 WORKERS ?= 2
 
 # The viewer's page is a build product inside the package; without Node everything else still builds and tests.
@@ -109,7 +109,7 @@ test-core: ## the Rust tests
 	$(CARGO) test --release --workspace --quiet
 
 test-c: $(development) c-library $(VENV)/cmake ## the C library: programs in C and C++ against Python
-	$(BIN)/pytest $(c_tests)
+	$(BIN)/pytest --numprocesses=$(WORKERS) --dist=loadfile $(c_tests)
 
 test-python: $(development) $(node_viewer) ## the Python tests and doctests
 	$(BIN)/pytest --numprocesses=$(WORKERS) --dist=loadfile --ignore=$(c_tests) --ignore=tests/web
@@ -123,7 +123,7 @@ viewer: $(page_stepper) ## the viewer's page: evaluator to WebAssembly, TypeScri
 test-gpu: $(VENV)/vulkan $(development) $(gpu_library) ## kernels and solver on this machine's graphics processor, or on software in its place
 	$(CARGO) clippy $(cargo_gpu) --target-dir target/lint --all-targets -- -D warnings
 	VISCERA_GPU=required $(CARGO) test $(cargo_gpu) --target-dir target
-	VISCERA_GPU=required $(BIN)/pytest tests/gpu
+	VISCERA_GPU=required $(BIN)/pytest --numprocesses=$(WORKERS) --dist=loadfile tests/gpu
 
 test-gpu-if-any:
 	if ls $(vulkan) 2>/dev/null | grep -q json; then $(MAKE) test-gpu; else \
