@@ -258,17 +258,19 @@ def _pairs(touches: Touches) -> list[tuple[ArrayLike, ArrayLike]]:
     return pairs
 
 
+SNAPSHOTS = Whole(0, 200)
+"""Solutions of the full organ for a grasp, as many as the core takes."""
+
+
 @shown
 def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None, snapshots: int) -> Galerkin:
     """The model of `Touch.galerkin`."""
     order, tolerance = Whole(1, touch.order)(order, "order"), TOLERANCE(tolerance, "tolerance")
-    if not isinstance(snapshots, int | np.integer) or snapshots < 0:
-        raise VisceraError(f"snapshots must be a whole number of at least 0, got {snapshots!r}")
     core = _core.Galerkin(
         touch._model,
         order=order,
         tolerance=tolerance,
-        depth=touch.depth if depth is None else float(depth),
-        snapshots=int(snapshots),
+        depth=touch.depth if depth is None else Number("m", above=0.0)(depth, "depth"),
+        snapshots=SNAPSHOTS(snapshots, "snapshots"),
     )
     return Galerkin(touch, core)

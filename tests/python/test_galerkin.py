@@ -229,12 +229,12 @@ def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerk
     for tolerance in (2.0, None, "x"):
         with pytest.raises(vs.VisceraError, match="tolerance must be a number above 0 and below 1"):
             touch.galerkin(tolerance=tolerance)  # type: ignore[arg-type]
-    with pytest.raises(vs.VisceraError, match="depth"):
-        touch.galerkin(depth=-1.0)
-    with pytest.raises(vs.VisceraError, match="snapshots"):
-        touch.galerkin(snapshots=-1)
-    with pytest.raises(vs.VisceraError, match="at most 200"):
-        touch.galerkin(snapshots=1000)
+    for depth in (-1.0, np.nan, True, "deep"):
+        with pytest.raises(vs.VisceraError, match="depth"):
+            touch.galerkin(depth=depth)
+    for snapshots in (-1, 1000, 2.5, True):
+        with pytest.raises(vs.VisceraError, match=f"snapshots must be a whole number from 0 to 200, got {snapshots}"):
+            touch.galerkin(snapshots=snapshots)  # type: ignore[arg-type]
     with pytest.raises(vs.VisceraError, match="one \\(3,\\) for each of the 2 contacts"):
         fingers.grasp([LEFT, RIGHT]).solve(PUSHES[:1])
     with pytest.raises(vs.VisceraError, match="must be \\(k, 3\\)"):
