@@ -13,7 +13,7 @@ from viscera import _core
 from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import Number, vector
+from viscera.quantity import Number, refused, vector
 from viscera.select import length
 
 if TYPE_CHECKING:
@@ -198,6 +198,10 @@ class RigidProbe:
         self.position = felt.center.copy()  # what was told is the caller's, who may change it
         return felt
 
+    def __reduce__(self) -> str:
+        """A copy would share what the probe remembers of its touch."""
+        raise VisceraError("a probe cannot be copied or pickled; make another one by touch.probe()")
+
     def __repr__(self) -> str:
         return f"RigidProbe(radius={self.radius:g}, friction={self.friction:g})"
 
@@ -222,6 +226,8 @@ class Probes:
     """
 
     def __init__(self, probes: Sequence[RigidProbe]) -> None:
+        if isinstance(probes, RigidProbe) or not isinstance(probes, Sequence):
+            raise refused("probes", "a list of probes made by touch.probe()", probes)
         self.probes = tuple(probes)
         if not self.probes:
             raise VisceraError("there are no probes; give at least one, made by touch.probe()")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from itertools import permutations
 from types import ModuleType
 
@@ -184,3 +186,24 @@ def test_poses_are_refused_before_they_reach_the_probe(beam: vs.Touch) -> None:
         probe.place((0, 0, float("nan")))
     with pytest.raises(VisceraError, match="the time step"):
         probe.follow((0, 0, 1), 0.0)
+
+
+def test_a_probe_that_slides_past_the_touchable_surface_over_the_organ_is_not_trusted(beam: vs.Touch) -> None:
+    """The upper side goes on beyond x = 0.5 m, where neither a smaller force is right, nor none."""
+    probe = beam.probe()
+    probe.place(above(beam, 0.7, 0.0))
+    felt = [probe.place(above(beam, 0.7, entered)) for entered in (0.005, 0.01, 0.015)]
+    felt += [probe.place(above(beam, x, 0.015)) for x in np.arange(0.69, 0.3, -0.01)]
+    assert felt[2].is_trusted
+    past = [one for one in felt if one.center[0] < 0.45]
+    assert not any(one.is_trusted or one.is_shape_trusted for one in past)
+    assert {one.reason for one in past} == {"the probe touches the organ beside its touchable surface"}
+    assert not past[-1].is_touching
+    assert past[-1].error_estimate == 1.0
+    assert probe.place(above(beam, 0.3, -0.001)).is_trusted
+
+
+def test_a_probe_is_neither_copied_nor_pickled(beam: vs.Touch) -> None:
+    for use in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(VisceraError, match="a probe cannot be copied or pickled; make another one"):
+            use(beam.probe())

@@ -116,3 +116,36 @@ def test_poses_are_refused_before_they_reach_the_probes(beam: vs.Touch) -> None:
         hands.place([(0, 0, 1), (0, 0, float("nan"))])
     with pytest.raises(VisceraError, match="the time step"):
         hands.follow([(0, 0, 1), (0, 0, 1)], 0.0)
+
+
+def test_what_a_tick_leaves_open_is_not_trusted() -> None:
+    """Pressed from both sides of a beam that gives way: a tick finds a small part of the forces of true contact."""
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    touch = organ.reduce(depth="5%", order=2, radius="8 cm")
+    radius = touch.radius
+    hands = vs.Probes([touch.probe(), touch.probe()])
+    hands.place([(0.8, 0.1, 0.201 + radius), (0.8, 0.1, -0.001 - radius)])
+    for _ in range(2):
+        upper, lower = hands.move([(0, 0, -0.002), (0, 0, 0.002)])
+        # True contact takes 6.1 N and 16.6 N.
+        assert abs(upper.force[2]) < 3.0
+        assert not upper.is_trusted
+        assert not lower.is_trusted
+
+
+def test_beside_a_probe_that_is_too_deep_none_is_trusted() -> None:
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    touch = organ.reduce(depth="5%", order=2, radius="8 cm")
+    radius = touch.radius
+    hands = vs.Probes([touch.probe(), touch.probe()])
+    hands.place([(0.5, 0.1, 0.201 + radius), (0.9, 0.1, -0.001 - radius)])
+    felt = [hands.move([(0, 0, -0.002), (0, 0, 0.002)]) for _ in range(13)][-1]
+    assert "deeper than the model serves" in felt[1].reason
+    assert felt[0].is_touching
+    assert not felt[0].is_trusted
+
+
+@pytest.mark.parametrize("given", [None, 3, "probe"])
+def test_what_is_no_list_of_probes_is_refused(given: object) -> None:
+    with pytest.raises(VisceraError, match=r"probes must be a list of probes|probe 0 is"):
+        vs.Probes(given)  # type: ignore[arg-type]

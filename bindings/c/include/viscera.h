@@ -237,7 +237,8 @@ int32_t viscera_guard_step(viscera_guard *guard, const double force_in[3], int32
 /* Makes a guard passive. The guard then counts the energy (force unit times length unit) that the hand puts in and gets
  * back. It pays a debt by damping of at most `damping` (0: none), and lowers the force to zero as the debt approaches
  * `energy_limit`, whatever the rate limit. For a hand that moves by at most m in a step, the debt does not exceed the
- * larger of `energy_limit` and force_limit * m. After VISCERA_BAD_SETTING the guard never gives a force. */
+ * larger of `energy_limit` and force_limit * m. Without force the debt is forgiven, an `energy_limit` in the time of a
+ * fade. After VISCERA_BAD_SETTING the guard never gives a force. */
 int32_t viscera_guard_keep_passive(viscera_guard *guard, double energy_limit, double damping);
 
 /* REAL TIME. viscera_guard_step for a tool that has moved by `moved` since the last step, in the frame and the unit of

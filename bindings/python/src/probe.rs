@@ -130,6 +130,9 @@ fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py,
         _ if felt.beside == Beside::SecondPlace => {
             "the probe touches the organ at a second place".to_string()
         }
+        _ if felt.beside == Beside::Untouchable => {
+            "the probe touches the organ beside its touchable surface".to_string()
+        }
         _ => reason(trust, kind, error, &model.model, d),
     };
     let told = PyDict::new(py);

@@ -27,6 +27,8 @@ pub enum Beside {
     Support,
     /// The organ at a second place.
     SecondPlace,
+    /// The organ beside its touchable surface.
+    Untouchable,
 }
 
 /// What a probe feels.

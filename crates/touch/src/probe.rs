@@ -10,6 +10,7 @@
 //! along the surface exceeds the cone, the tissue slips below the sphere, which changes `t` and with it `s`.
 
 use super::error::Error;
+use super::evaluate::Trust;
 use super::felt::{Beside, Felt, Grip};
 use super::model::ReducedModel;
 use super::press::{Press, within};
@@ -32,6 +33,10 @@ const DRAG: f64 = 0.5;
 const TOLD: f64 = 1e-3;
 /// A force is not trusted from here on, in units of the depth that a probe may enter.
 pub(super) const BEYOND: f64 = 1.0 + 1e-6;
+
+/// How much deeper a sphere may be in the organ than in its touchable surface without being told, over the depth that a probe
+/// may enter: a light touch.
+const BEYOND_SURFACE: f64 = 0.1;
 
 /// Error of a force, relative to its norm, that comes from the superposition, over how far the others have moved the surface,
 /// relative to how far the probe has entered it. With it the estimates are above the errors of 96 of 100 forces of
@@ -207,11 +212,49 @@ impl Probe {
             anchor,
             is_inside: felt.grip == Grip::Inside,
         };
-        let is_touching = !self.is_beyond(model, -felt.gap);
-        match anchor.filter(|_| is_touching) {
-            Some(anchor) => felt.with(self.beside(model, center, anchor.triangle)),
-            None => felt,
+        match (felt.grip, anchor) {
+            (Grip::Free, _) if self.is_past_the_surface(model, &felt) => {
+                felt.with(Beside::Untouchable)
+            }
+            (_, Some(anchor)) if !self.is_beyond(model, -felt.gap) => {
+                felt.with(match self.beside(model, center, anchor.triangle) {
+                    Beside::Nothing if self.is_past_the_surface(model, &felt) => {
+                        Beside::Untouchable
+                    }
+                    beside => beside,
+                })
+            }
+            _ => felt,
         }
+    }
+
+    /// Whether the sphere is deeper in the organ than in its touchable surface, which ends there.
+    fn is_past_the_surface(&self, model: &ReducedModel, felt: &Felt) -> bool {
+        let (points, _) = model.arrays.points.as_chunks::<3>();
+        let at = sub(felt.center, self.carried);
+        let deeper = model.skin.overlap(points, at, self.radius) - (-felt.gap).max(0.0);
+        deeper > BEYOND_SURFACE * self.deepest(model)
+    }
+
+    /// The same where the force and the field may be wrong by so much more, relative to their norms.
+    pub(super) fn doubt(&self, mut felt: Felt, more: f64) -> Felt {
+        if more <= TOLD {
+            return felt;
+        }
+        let doubted = |error: f64, trust: Trust| {
+            // A light touch is trusted though its estimate is larger.
+            let is_too_much =
+                more > self.tolerance || (error..=error + more).contains(&self.tolerance);
+            let trust = match trust {
+                Trust::Trusted if is_too_much => Trust::ErrorTooLarge,
+                trust => trust,
+            };
+            ((error + more).min(1.0), trust)
+        };
+        (felt.error_estimate, felt.trust) = doubted(felt.error_estimate, felt.trust);
+        (felt.shape_error_estimate, felt.shape_trust) =
+            doubted(felt.shape_error_estimate, felt.shape_trust);
+        felt
     }
 
     /// What else the sphere touches than the surface around a triangle: a support does not give way, and the patch knows

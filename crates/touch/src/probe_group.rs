@@ -7,6 +7,7 @@
 //! sweep or two over the probes, from the touches of the last tick.
 
 use super::contact::Contact;
+use super::evaluate::Trust;
 use super::felt::{Felt, Grip};
 use super::interpolation::Interpolation;
 use super::model::ReducedModel;
@@ -20,11 +21,16 @@ const SWEEPS: usize = 2;
 /// How far from where a probe has met it the others may leave the surface, in units of its radius, without another sweep.
 const STILL: f64 = 1e-3;
 
+/// Part of what a sweep has left that the next one leaves, at most.
+const SLOWEST: f64 = 0.9;
+
 /// Memory of several probes on one model: what each felt last.
 #[derive(Clone, Debug)]
 pub struct ProbeGroup {
     /// How far the others had moved the surface where each probe met it [m].
     carried: Vec<[f64; 3]>,
+    /// What the last sweep has left of that [m].
+    left: Vec<f64>,
     begun: Vec<State>,
     /// Of each probe that has been placed.
     felt: Vec<Felt>,
@@ -36,6 +42,7 @@ impl ProbeGroup {
     pub fn new(model: &ReducedModel, probes: usize) -> Self {
         ProbeGroup {
             carried: vec![[0.0; 3]; probes],
+            left: vec![0.0; probes],
             begun: vec![State::default(); probes],
             felt: Vec::with_capacity(probes),
             workspace: vec![0.0; model.workspace_len()],
@@ -95,15 +102,44 @@ impl ProbeGroup {
                 }
             }
         }
+        self.doubt(model, probes);
         &self.felt
+    }
+
+    /// What the sweeps have left open is part of the estimates: each leaves a part of what the one before it has left, and so
+    /// would all that follow. Where a probe is too deep for the model its field is not known, nor then is what the others
+    /// feel of it.
+    fn doubt(&mut self, model: &ReducedModel, probes: &[impl DerefMut<Target = Probe>]) {
+        let mut open: f64 = 0.0;
+        for k in 0..probes.len() {
+            let (before, now) = (self.left[k], self.off(model, k));
+            let part = if now < before { now / before } else { SLOWEST };
+            open = open.max(now / (1.0 - part.min(SLOWEST)));
+        }
+        let is_too_deep = |felt: &Felt| felt.trust == Trust::BeyondDepth;
+        let too_deep = self.felt.iter().filter(|felt| is_too_deep(felt)).count();
+        for (k, probe) in probes.iter().enumerate() {
+            let felt = self.felt[k];
+            let is_carried = norm(self.carried[k]) > STILL * probe.radius();
+            if !presses(&felt) || !is_carried {
+                continue;
+            }
+            let knows_others = too_deep == usize::from(is_too_deep(&felt));
+            self.felt[k] = probe.doubt(felt, if knows_others { open / -felt.gap } else { 1.0 });
+        }
     }
 
     /// Whether each probe has met the surface about where the others leave it.
     fn is_still(&mut self, model: &ReducedModel, probes: &[impl DerefMut<Target = Probe>]) -> bool {
-        (0..probes.len()).all(|k| {
-            let off = sub(self.carried(model, k), self.carried[k]);
-            norm(off) <= STILL * probes[k].radius()
-        })
+        for k in 0..probes.len() {
+            self.left[k] = self.off(model, k);
+        }
+        self.left.iter().zip(probes).all(|(left, probe)| *left <= STILL * probe.radius())
+    }
+
+    /// How far the others have moved the surface since a probe met it [m].
+    fn off(&mut self, model: &ReducedModel, k: usize) -> f64 {
+        norm(sub(self.carried(model, k), self.carried[k]))
     }
 
     /// How far the others have moved the surface where a probe met it last [m].
@@ -111,13 +147,17 @@ impl ProbeGroup {
         let mut carried = [0.0; 3];
         let Some(here) = self.felt.get(k) else { return carried };
         for (j, felt) in self.felt.iter().enumerate() {
-            if j != k && matches!(felt.grip, Grip::Sticks | Grip::Slides) {
+            if j != k && presses(felt) {
                 let moved = model.moved_at(&here.contact, felt, &mut self.workspace);
                 (0..3).for_each(|i| carried[i] += moved[i]);
             }
         }
         carried
     }
+}
+
+fn presses(felt: &Felt) -> bool {
+    matches!(felt.grip, Grip::Sticks | Grip::Slides)
 }
 
 impl ReducedModel {

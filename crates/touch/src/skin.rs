@@ -94,6 +94,15 @@ impl Skin {
 }
 
 impl Skin {
+    /// How far a sphere reaches into the organ [m]; negative by its distance.
+    pub fn overlap(&self, points: &[[f64; 3]], center: [f64; 3], radius: f64) -> f64 {
+        let Some(closest) = self.tree.closest(points, &self.triangles, center) else {
+            return f64::NEG_INFINITY;
+        };
+        let distance = norm(sub(center, closest.point));
+        if self.is_outside(points, center) { radius - distance } else { radius + distance }
+    }
+
     /// Whether a place is outside the organ: above the closest point of its surface, by the normals of all triangles that have
     /// the point, each weighted by its angle there (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005)
     /// 243).
