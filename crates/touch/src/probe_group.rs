@@ -107,7 +107,7 @@ impl ProbeGroup {
     }
 
     /// What the sweeps have left open is part of the estimates: each leaves a part of what the one before it has left, and so
-    /// would all that follow. Where a probe is too deep for the model its field is not known, nor then is what the others
+    /// would all that follow. It counts for every probe, since what one has still to move moves the others, too. Where a probe is too deep for the model its field is not known, nor then is what the others
     /// feel of it.
     fn doubt(&mut self, model: &ReducedModel, probes: &[impl DerefMut<Target = Probe>]) {
         let mut open: f64 = 0.0;

@@ -1,4 +1,5 @@
-//! The whole surface of the organ, beside what may be touched of it: whether a sphere touches it at a second place.
+//! The whole surface of the organ, beside what may be touched of it: whether a sphere touches it at a second place, and how
+//! far it reaches into the organ.
 
 use super::around::Around;
 use super::ground::normal_of;
@@ -99,8 +100,9 @@ impl Skin {
         let Some(closest) = self.tree.closest(points, &self.triangles, center) else {
             return f64::NEG_INFINITY;
         };
-        let distance = norm(sub(center, closest.point));
-        if self.is_outside(points, center) { radius - distance } else { radius + distance }
+        let away = sub(center, closest.point);
+        let is_outside = self.is_above(points, center, away);
+        if is_outside { radius - norm(away) } else { radius + norm(away) }
     }
 
     /// Whether a place is outside the organ: above the closest point of its surface, by the normals of all triangles that have
@@ -108,7 +110,11 @@ impl Skin {
     /// 243).
     pub fn is_outside(&self, points: &[[f64; 3]], at: [f64; 3]) -> bool {
         let Some(closest) = self.tree.closest(points, &self.triangles, at) else { return true };
-        let away = sub(at, closest.point);
+        self.is_above(points, at, sub(at, closest.point))
+    }
+
+    /// The same, `away` from that point.
+    fn is_above(&self, points: &[[f64; 3]], at: [f64; 3], away: [f64; 3]) -> bool {
         let reach = norm(away) * (1.0 + SAME);
         let mut up = 0.0;
         self.tree.visit_within(points, &self.triangles, at, reach, |near| {
@@ -196,6 +202,17 @@ mod tests {
         assert!(!touched_twice(&[], 0.015), "the floor alone");
         assert!(touched_twice(&[wall(-0.018)], 0.018));
         assert!(!touched_twice(&[wall(-0.021)], 0.018), "out of reach");
+    }
+
+    #[test]
+    fn a_sphere_reaches_into_the_organ_from_either_side_of_the_surface() {
+        let (points, triangles) =
+            squares(&[[[-0.03, -0.03, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], 30);
+        let skin = Skin::new(&points, triangles);
+        for (height, overlap) in [(0.03, -0.01), (0.015, 0.005), (-0.005, 0.025)] {
+            let found = skin.overlap(&points, [0.001, 0.0005, height], RADIUS);
+            assert!((found - overlap).abs() < 1e-12, "{height}: {found}");
+        }
     }
 
     #[test]
