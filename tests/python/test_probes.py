@@ -26,6 +26,13 @@ def beam() -> vs.Touch:
     return organ.reduce("x > 50% and z > 99%", depth="5%", order=3)
 
 
+@pytest.fixture(scope="module")
+def whole() -> vs.Touch:
+    """All of the beam but what its clamp takes."""
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    return organ.reduce(depth="5%", order=2, radius="8 cm")
+
+
 def above(touch: vs.Touch, entered: tuple[float, float]) -> list[tuple[float, float, float]]:
     return [(x, 0.1, 0.2 + touch.radius - depth) for x, depth in zip(PLACES, entered, strict=True)]
 
@@ -118,27 +125,26 @@ def test_poses_are_refused_before_they_reach_the_probes(beam: vs.Touch) -> None:
         hands.follow([(0, 0, 1), (0, 0, 1)], 0.0)
 
 
-def test_what_a_tick_leaves_open_is_not_trusted() -> None:
-    """Pressed from both sides of a beam that gives way: a tick finds a small part of the forces of true contact."""
-    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    touch = organ.reduce(depth="5%", order=2, radius="8 cm")
-    radius = touch.radius
+def pinching(touch: vs.Touch, upper: float, lower: float) -> vs.Probes:
+    """A millimetre above and below the beam, at these places along it [m]."""
     hands = vs.Probes([touch.probe(), touch.probe()])
-    hands.place([(0.8, 0.1, 0.201 + radius), (0.8, 0.1, -0.001 - radius)])
+    hands.place([(upper, 0.1, 0.201 + touch.radius), (lower, 0.1, -0.001 - touch.radius)])
+    return hands
+
+
+def test_what_a_tick_leaves_open_is_not_trusted(whole: vs.Touch) -> None:
+    """Pressed from both sides of a beam that gives way: a tick finds a small part of the forces of true contact."""
+    hands = pinching(whole, 0.8, 0.8)
     for _ in range(2):
         upper, lower = hands.move([(0, 0, -0.002), (0, 0, 0.002)])
-        # True contact takes 6.1 N and 16.6 N.
+        # Two tools of a stepper feel 6.1 N, then 16.6 N.
         assert abs(upper.force[2]) < 3.0
         assert not upper.is_trusted
         assert not lower.is_trusted
 
 
-def test_beside_a_probe_that_is_too_deep_none_is_trusted() -> None:
-    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    touch = organ.reduce(depth="5%", order=2, radius="8 cm")
-    radius = touch.radius
-    hands = vs.Probes([touch.probe(), touch.probe()])
-    hands.place([(0.5, 0.1, 0.201 + radius), (0.9, 0.1, -0.001 - radius)])
+def test_beside_a_probe_that_is_too_deep_none_is_trusted(whole: vs.Touch) -> None:
+    hands = pinching(whole, 0.5, 0.9)
     felt = [hands.move([(0, 0, -0.002), (0, 0, 0.002)]) for _ in range(13)][-1]
     assert "deeper than the model serves" in felt[1].reason
     assert felt[0].is_touching

@@ -69,6 +69,9 @@ fn a_far_organ_makes_no_layer_thicker() {
     let alone = Body::new(points.clone(), cells, material()).unwrap();
     let beside = Body::new(both, all, material()).unwrap();
     let [height, near] = [&alone, &beside].map(Height::new);
+    let together = |nodes: &[u32]| Height::of_all(&beside, nodes).of(0, 1e-9);
+    assert_eq!(together(&[0, 1]), height.of(0, 1e-9));
+    assert!(together(&[0, points.len() as u32]) > 50.0 * height.of(0, 1e-9), "a pair of both");
     for cell in 0..n_cells {
         // So thin a face that the height of the cell does not count.
         assert_eq!(near.of(cell, 1e-9), height.of(cell, 1e-9));
