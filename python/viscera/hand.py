@@ -28,7 +28,8 @@ class Hand(Posed):
     """A hand, or a pair of forceps, that holds a place of the organ: made by `Stepper.grasp`, ended by `release`.
 
     It moves and turns what it holds, or pulls at it with a force and a torque. All about its centre, the weighted mean
-    of the places `x_i` of its nodes, in axes of the world:
+    of the places `x_i` of its nodes, in axes of the world. `position` is that of the centre, and `rotation` is from the
+    shape at the grasp:
 
     - Node by node, all nodes move as one rigid body: `x_i = position + R r_i`, with the arms `r_i` of the grasp.
     - Of a contact patch, `sum_i w_i x_i = position` is held. Once `turn` or `place(rotation=...)` is called, so is the

@@ -12,7 +12,7 @@ from viscera.rotation import rotation_matrix
 
 
 class Posed(ABC):
-    """A pose for the next frame. Its arrays are read-only, as a number set in one would not reach the stepper."""
+    """A pose for the next frame: a position and a rotation, which subclasses take to the stepper in `place`."""
 
     _WHAT: str
     """What it is, in messages."""
