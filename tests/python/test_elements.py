@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
+from viscera.rotation import rotation_matrix
 
 Array = NDArray[np.float64]
 
@@ -136,3 +137,32 @@ def test_the_default_element_does_not_depend_on_how_stiff_the_tissue_is() -> Non
     beyond = {vs.Organ(mesh, vs.NeoHookean(young=young, poisson=0.4501), fixed="clamp").element for young in moduli}
     assert at_limit == {"P1"}
     assert beyond == {"P1 mean volume"}
+
+
+FIBRES = np.array([(1.0, 0.5, 0.0), (1.0, -0.5, 0.2)])
+
+
+@pytest.mark.parametrize("per_cell", [False, True])
+@pytest.mark.parametrize("element", [None, "P1", "P1 mean volume", "P2"])
+def test_a_body_with_fibres_turns_with_its_fibres(element: str | None, per_cell: bool) -> None:
+    """Turned with its fibres and its load, in cells of another order, it moves as before."""
+    bar, random = box((4, 2, 2), (2, 1, 1)), np.random.default_rng(0)
+    fibres = random.normal(size=(2, len(bar.cells), 3)) if per_cell else FIBRES
+
+    def solved(turn: Array, order: NDArray[np.intp]) -> tuple[str, Array, Array]:
+        given = (fibres[:, order] if per_cell else fibres) @ turn.T
+        law = vs.HolzapfelGasserOgden(1e4, 5e4, 1.0, fibres=given, poisson=0.46)
+        assert law.poisson == pytest.approx(0.46)
+        turned = vs.mesh(bar.points @ turn.T, bar.cells[order], sets={"root": np.flatnonzero(bar.points[:, 0] == 0)})
+        organ = vs.Organ(turned, law, fixed="root", element=element)
+        result = organ.solve(gravity=turn @ (0, 0, -9.0), density=30, throw=True)
+        return organ.element, result.displacement @ turn, result.von_mises()[np.argsort(order)]
+
+    same = np.arange(len(bar.cells))
+    name, expected, stress = solved(np.eye(3), same)
+    assert name == (element or "P1 mean volume")
+    for angles in ((0, np.pi / 4, 0), (0.3, 1.1, -0.7)):
+        found, displacement, turned_stress = solved(rotation_matrix(angles), random.permutation(same))
+        assert found == name
+        assert np.abs(displacement - expected).max() < 1e-9 * np.abs(expected).max()
+        assert turned_stress == pytest.approx(stress, rel=1e-7)

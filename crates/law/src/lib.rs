@@ -25,6 +25,7 @@ macro_rules! blocks {
 pub(crate) use blocks;
 
 mod arruda_boyce;
+mod at_rest;
 mod corotated;
 mod error;
 pub mod expression;

@@ -1,12 +1,13 @@
 //! A law given to the cells of a body.
 
+use super::at_rest::shear_modulus;
 use super::expression::Expression;
 use super::formula::FORMULA;
 use super::kernels::LawKernels;
 use super::several::SEVERAL;
 use crate::error::Error;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use viscera_number::simd;
 use viscera_number::tensor::Mat3;
 use viscera_number::unroll::tabulate;
@@ -18,9 +19,16 @@ pub struct Material {
     name: String,
     names: Vec<String>,
     law: Arc<dyn LawKernels>,
+    rows: Arc<Rows>,
+}
+
+/// One row for all cells, or one per cell; copies of a material share them.
+struct Rows {
     parameters: Vec<Vec<f64>>,
-    /// The rows as prepared for the law.
-    rows: Vec<Vec<f64>>,
+    /// As the kernels of the law take them.
+    prepared: Vec<Vec<f64>>,
+    /// Moduli at rest [Pa], once one is asked for.
+    moduli: OnceLock<Vec<[f64; 2]>>,
 }
 
 impl Material {
@@ -52,8 +60,9 @@ impl Material {
                 )));
             }
         }
-        let rows = parameters.iter().map(|row| law.prepare(row)).collect();
-        Ok(Material { name: name.to_string(), names, law, parameters, rows })
+        let prepared = parameters.iter().map(|row| law.prepare(row)).collect();
+        let rows = Rows { parameters, prepared, moduli: OnceLock::new() };
+        Ok(Material { name: name.to_string(), names, law, rows: Arc::new(rows) })
     }
 
     /// The law's name.
@@ -73,43 +82,39 @@ impl Material {
 
     /// Parameters, one row for all cells or one per cell.
     pub fn parameters(&self) -> &[Vec<f64>] {
-        &self.parameters
+        &self.rows.parameters
     }
 
     /// The law of some of the cells, in this order.
     pub fn of_cells(&self, cells: &[usize]) -> Self {
-        if self.parameters.len() == 1 {
+        if self.parameters().len() == 1 {
             return self.clone();
         }
-        let of_cells =
-            |rows: &[Vec<f64>]| cells.iter().map(|&cell| rows[cell].clone()).collect::<Vec<_>>();
-        Material {
-            name: self.name.clone(),
-            names: self.names.clone(),
-            law: self.law.clone(),
-            parameters: of_cells(&self.parameters),
-            rows: of_cells(&self.rows),
-        }
+        let rows = Rows {
+            parameters: cells.iter().map(|&cell| self.of_cell(cell).to_vec()).collect(),
+            prepared: cells.iter().map(|&cell| self.row(cell).to_vec()).collect(),
+            moduli: OnceLock::new(),
+        };
+        Material { rows: Arc::new(rows), ..self.clone() }
     }
 
     /// The parameters of a cell.
     pub fn of_cell(&self, cell: usize) -> &[f64] {
-        if self.parameters.len() == 1 { &self.parameters[0] } else { &self.parameters[cell] }
+        of_cell(&self.rows.parameters, cell).as_slice()
     }
 
     /// The parameters of a cell as its kernels take them.
     pub fn row(&self, cell: usize) -> &[f64] {
-        if self.rows.len() == 1 { &self.rows[0] } else { &self.rows[cell] }
+        of_cell(&self.rows.prepared, cell).as_slice()
     }
 
     /// The size of the stresses that cancel in a cell [Pa]: its largest parameter, or the moduli at rest of a formula or of
     /// several laws, whose parameters may be anything.
     pub fn scale(&self, cell: usize) -> f64 {
-        let row = self.of_cell(cell);
         if self.name.starts_with(FORMULA) || self.name.starts_with(SEVERAL) {
-            return self.moduli(row).iter().sum();
+            return self.moduli_of_cell(cell).iter().sum();
         }
-        row.iter().fold(0.0, |max, p| p.abs().max(max))
+        self.of_cell(cell).iter().fold(0.0, |max, p| p.abs().max(max))
     }
 
     /// Whether the energy of a cell has a switch, where its power series ends.
@@ -124,7 +129,7 @@ impl Material {
 
     /// The energy of each law as an expression, if it has one; its form is the same in all rows.
     fn energies(&self) -> Vec<Expression> {
-        let mut laws: Vec<&[f64]> = self.rows.iter().map(Vec::as_slice).collect();
+        let mut laws: Vec<&[f64]> = self.rows.prepared.iter().map(Vec::as_slice).collect();
         if self.name.starts_with(SEVERAL) {
             // A row begins with the index of its law.
             laws.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -135,12 +140,18 @@ impl Material {
         laws.into_iter().filter_map(|row| self.law.expression(row)).collect()
     }
 
-    /// Shear and bulk modulus at rest of a row of parameters [Pa].
+    /// The moduli at rest of a cell [Pa].
+    pub fn moduli_of_cell(&self, cell: usize) -> [f64; 2] {
+        let of_rows = || self.parameters().iter().map(|row| self.moduli(row)).collect();
+        *of_cell(self.rows.moduli.get_or_init(of_rows), cell)
+    }
+
+    /// Least shear modulus and bulk modulus at rest of a row of parameters [Pa]; of a law with fibres those of the matrix
+    /// between them.
     pub fn moduli(&self, row: &[f64]) -> [f64; 2] {
         let identity = tabulate!(|i, j| f64::from(u8::from(i == j)));
-        let (_, along) = self.tangent(row, &identity);
-        // dP_01/dF_01 and its like; they differ where a law has a direction.
-        let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;
+        let (_, tangent) = self.tangent(row, &identity);
+        let shear = shear_modulus(&tangent);
         let mut pressure = [[Lane::default(); 2]];
         self.law.pressure(&self.law.prepare(row), &[Lanes([1.0; LANES])], &mut pressure);
         [shear, pressure[0][1][0]]
@@ -175,14 +186,19 @@ impl Material {
     }
 }
 
+/// Of one for all cells or one per cell.
+fn of_cell<T>(rows: &[T], cell: usize) -> &T {
+    if rows.len() == 1 { &rows[0] } else { &rows[cell] }
+}
+
 impl PartialEq for Material {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name && self.parameters == other.parameters
+        self.name == other.name && self.parameters() == other.parameters()
     }
 }
 
 impl fmt::Debug for Material {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {:?} {:?}", self.name, self.names, self.parameters)
+        write!(f, "{} {:?} {:?}", self.name, self.names, self.parameters())
     }
 }

@@ -1,6 +1,7 @@
 //! What the energy of a formula must do: at rest, beside it, and where a cell vanishes.
 
 use super::Material;
+use super::at_rest::stiffness;
 use crate::error::Error;
 use viscera_number::tensor::{Mat3, sub, transpose_mul};
 
@@ -13,7 +14,7 @@ const ROUNDING: f64 = 1e-14;
 /// The energy at the smaller strain is a hundredth of that at the larger one, and a tenth where the stress jumps.
 const LARGEST_PART: f64 = 0.03;
 
-/// Smallest pivot of the stiffness at rest that is positive, as a part of the moduli.
+/// Smallest pivot of the stiffness at rest that is positive, as a part of the largest stiffness.
 const LEAST_PIVOT: f64 = 1e-9;
 
 /// Turns and strains beside rest at which a law has to have values: rounding takes the invariants to either side of 3 and 1.
@@ -43,8 +44,9 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     // A modulus that vanishes does so but for rounding.
     let least = AT_REST * (shear.abs() + bulk.abs());
     if !(shear > least && bulk > least) {
+        let why = lowers(material, row).map_or(String::new(), |why| format!(": {why}"));
         return refuse(format!(
-            "shear modulus {shear:.6} Pa and bulk modulus {bulk:.6} Pa at rest; both must be positive"
+            "shear modulus {shear:.6} Pa and bulk modulus {bulk:.6} Pa at rest; both must be positive{why}"
         ));
     }
     let (P, _) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
@@ -55,11 +57,8 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
              write I1bar for I1, or square I4 - 1"
         ));
     }
-    if let Some(strain) = lowers(material, row) {
-        return refuse(format!(
-            "a small strain (xx, yy, zz, yz, xz, xy) along {strain:.2?} lowers the energy, so a body is not stable at rest; \
-             look at the signs of the terms, those of fibres too"
-        ));
+    if let Some(why) = lowers(material, row) {
+        return refuse(why);
     }
     if !has_values(material, row) {
         return refuse(
@@ -78,18 +77,24 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
 }
 
 /// A small strain that lowers the energy: the strain of 1 in the first component whose pivot of the stiffness at rest is not
-/// positive, with those before it such that they bear nothing.
-fn lowers(material: &Material, row: &[f64]) -> Option<[f64; 6]> {
-    let [shear, bulk] = material.moduli(row);
-    let mut stiffness = stiffness_at_rest(material, row);
+/// positive, with those before it such that they bear nothing. Told in a sentence.
+fn lowers(material: &Material, row: &[f64]) -> Option<String> {
+    let (_, tangent) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
+    let strains =
+        std::array::from_fn(|k| sub(&stretched(&component(k), 1.0), &stretched(&[0.0; 6], 0.0)));
+    let mut stiffness: [[f64; 6]; 6] = stiffness(&tangent, &strains);
+    let largest = (0..6).map(|k| stiffness[k][k].abs()).fold(0.0, f64::max);
     for k in 0..6 {
-        if !(stiffness[k][k] > LEAST_PIVOT * (shear + bulk)) {
+        if !(stiffness[k][k] > LEAST_PIVOT * largest) {
             let mut strain = component(k);
             for i in (0..k).rev() {
                 let rest: f64 = (i + 1..=k).map(|j| stiffness[i][j] * strain[j]).sum();
                 strain[i] = -rest / stiffness[i][i];
             }
-            return Some(strain);
+            return Some(format!(
+                "a small strain (xx, yy, zz, yz, xz, xy) along {strain:.2?} lowers the energy, so a body is not stable at \
+                 rest; look at the signs of the terms, those of fibres too"
+            ));
         }
         for i in k + 1..6 {
             let factor = stiffness[i][k] / stiffness[k][k];
@@ -99,20 +104,6 @@ fn lowers(material: &Material, row: &[f64]) -> Option<[f64; 6]> {
         }
     }
     None
-}
-
-/// `e_a : A : e_b` at rest, with the strains `e` of single components [Pa].
-#[allow(non_snake_case)]
-fn stiffness_at_rest(material: &Material, row: &[f64]) -> [[f64; 6]; 6] {
-    let (_, A) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
-    let tangent = |[i, j, k, l]: [usize; 4]| if j <= l { A[j][l][i][k] } else { A[l][j][k][i] };
-    let strain = |a: usize| sub(&stretched(&component(a), 1.0), &stretched(&[0.0; 6], 0.0));
-    let entry = |a: usize, b: usize| -> f64 {
-        let (left, right) = (strain(a), strain(b));
-        let all = (0..81).map(|n| [n / 27, n / 9 % 3, n / 3 % 3, n % 3]);
-        all.map(|at| left[at[0]][at[1]] * tangent(at) * right[at[2]][at[3]]).sum()
-    };
-    std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b)))
 }
 
 /// The strain of 1 in one component.

@@ -70,13 +70,16 @@ class Law:
 
     @property
     def young(self) -> Floats:
-        """Young's modulus at rest [Pa], one value or one per cell: 9 K mu / (3 K + mu)."""
+        """Young's modulus at rest [Pa], one value or one per cell: 9 K mu / (3 K + mu).
+
+        mu is the least shear modulus: of a law with fibres that of the matrix between them.
+        """
         shear, bulk = self.core().moduli().T
         return np.asarray(9.0 * bulk * shear / (3.0 * bulk + shear))
 
     @property
     def poisson(self) -> Floats:
-        """Poisson's ratio at rest, one value or one per cell: (3 K - 2 mu) / (6 K + 2 mu)."""
+        """Poisson's ratio at rest, one value or one per cell: (3 K - 2 mu) / (6 K + 2 mu), with `mu` as in `young`."""
         shear, bulk = self.core().moduli().T
         return np.asarray((3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear))
 

@@ -1,6 +1,7 @@
 //! Every law gets every test by one line of [`law_tests!`].
 #![allow(non_snake_case)]
 
+mod at_rest;
 mod formulas;
 mod programs;
 mod several;

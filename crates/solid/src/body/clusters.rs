@@ -310,7 +310,7 @@ impl Clusters {
 
 /// `s = 1 - (2 mu / 3) / K`, none for materials that expand sideways when pulled.
 pub(super) fn averaged_part(material: &Material, cell: usize) -> f64 {
-    let [shear, bulk] = material.moduli(material.of_cell(cell));
+    let [shear, bulk] = material.moduli_of_cell(cell);
     (1.0 - 2.0 / 3.0 * shear / bulk).max(0.0)
 }
 

@@ -81,7 +81,7 @@ impl Partition {
 fn kinds(n_cells: usize, material: &Material) -> Vec<[i32; 2]> {
     let mut kind = vec![[0; 2]; n_cells];
     for tissue in tissues(n_cells, material) {
-        let moduli = material.moduli(material.of_cell(tissue[0]));
+        let moduli = material.moduli_of_cell(tissue[0]);
         let octaves = moduli.map(|modulus| modulus.log2().round() as i32);
         tissue.into_iter().for_each(|cell| kind[cell] = octaves);
     }

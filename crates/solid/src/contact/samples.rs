@@ -225,7 +225,7 @@ pub(super) fn cells_behind(body: &Body) -> HashMap<[u32; 3], usize> {
 /// `E / (1 - nu^2)` at rest [Pa], finite where volume is nearly kept.
 pub(super) fn modulus(body: &Body, cell: usize) -> f64 {
     let material = body.material();
-    let [shear, bulk] = material.moduli(material.of_cell(cell));
+    let [shear, bulk] = material.moduli_of_cell(cell);
     4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
 }
 

@@ -107,7 +107,7 @@ impl VolumeBarrier {
     /// of uniaxial strain times the range of `J` that the barrier takes.
     pub fn energy(&self, body: &Body, point: &Outlier) -> [f64; 3] {
         let material = body.material();
-        let [shear, bulk] = material.moduli(material.of_cell(point.cell));
+        let [shear, bulk] = material.moduli_of_cell(point.cell);
         let [d, slope] = self.distance(point.volume_ratio);
         let scale = (bulk + 4.0 / 3.0 * shear) / slope.abs() * point.volume;
         let [energy, first, second] = barrier(d);

@@ -94,7 +94,7 @@ pub(super) fn magnitude(squares: &[f64]) -> f64 {
 fn shear_moduli(body: &Body) -> Vec<f64> {
     let (material, mut shear) = (body.material(), vec![0.0f64; body.points().len()]);
     for (number, cell) in body.cells().iter().enumerate() {
-        let [of_cell, _] = material.moduli(material.of_cell(number));
+        let [of_cell, _] = material.moduli_of_cell(number);
         cell.iter().for_each(|&node| shear[node as usize] = shear[node as usize].max(of_cell));
     }
     for (middle, edge) in (body.n_corners()..).zip(body.edges()) {

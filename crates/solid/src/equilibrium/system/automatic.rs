@@ -136,8 +136,8 @@ impl Features {
         let n = body.points().len();
         let n_corners = body.n_corners();
         let numbering = Numbering::reverse_cuthill_mckee(n_corners, edges(body));
-        let poisson = body.material().parameters().iter().map(|row| {
-            let [shear, bulk] = body.material().moduli(row);
+        let poisson = (0..body.cells().len()).map(|cell| {
+            let [shear, bulk] = body.material().moduli_of_cell(cell);
             (3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear)
         });
         let is_quadratic = n > n_corners;

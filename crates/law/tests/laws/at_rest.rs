@@ -1,0 +1,63 @@
+//! The moduli at rest of laws with fibres, which may lie as they like.
+
+use crate::{product, turn};
+use viscera_law::samples::parameters;
+use viscera_law::{FORMULA, Material};
+use viscera_number::tensor::{Mat3, mul_vector};
+
+const SHEAR: f64 = 2.0;
+const BULK: f64 = 300.0;
+
+/// Two directions that lie along the axes or nearly so, and turned ever further.
+fn directions() -> impl Iterator<Item = [[f64; 3]; 2]> {
+    let mut turned: Mat3<f64> = crate::identity();
+    (0..12).map(move |_| {
+        let both = [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]].map(|f| mul_vector(&turned, &f));
+        turned = product(&turn(), &turned);
+        both
+    })
+}
+
+/// Moduli of a matrix with two families of fibres whose energies are `k (I - 1)^2`.
+fn moduli(k: [f64; 2], fibres: [[f64; 3]; 2]) -> [f64; 2] {
+    let text = "mu/2*(I1bar - 3) + kappa/2*(J - 1)**2 + first*(I4 - 1)**2 + second*(I6 - 1)**2";
+    let row: Vec<f64> =
+        [SHEAR, BULK, k[0], k[1]].into_iter().chain(fibres.into_iter().flatten()).collect();
+    Material::new(&format!("{FORMULA}{text}"), vec![row.clone()]).unwrap().moduli(&row)
+}
+
+/// Fibres stiffen some deviatoric strains; those that stretch no fibre see the matrix alone.
+#[test]
+fn the_shear_modulus_of_a_fibred_law_is_that_of_its_matrix() {
+    for fibres in directions() {
+        for k in [[0.0, 0.0], [5.0, 0.0], [1e4, 0.0], [3.0, 700.0]] {
+            let [shear, _] = moduli(k, fibres);
+            assert!((shear - SHEAR).abs() < 1e-12 * (SHEAR + k[0] + k[1]), "{k:?}: {shear}");
+        }
+    }
+}
+
+/// A fibre that gives way softens the strain `dev(f (x) f)`, of squared norm 2/3, by `8 |k|`.
+#[test]
+fn a_fibre_that_softens_lowers_the_shear_modulus() {
+    for fibres in directions() {
+        let [shear, _] = moduli([-0.3, 0.0], fibres);
+        assert!((shear - (SHEAR - 0.3 * 8.0 / 3.0)).abs() < 1e-12 * BULK, "{shear}");
+    }
+}
+
+/// A built-in law with fibres, turned, keeps both moduli.
+#[test]
+fn moduli_do_not_depend_on_how_fibres_lie() {
+    for name in ["holzapfel_gasser_ogden", "holzapfel_gasser_ogden both ways"] {
+        let mut row = parameters(name, 1.0);
+        let exact = [row[0], row[4]];
+        for [first, second] in directions() {
+            row.splice(5..11, first.into_iter().chain(second));
+            let found = Material::new(name, vec![row.clone()]).unwrap().moduli(&row);
+            for (found, exact) in found.into_iter().zip(exact) {
+                assert!((found - exact).abs() < 1e-12 * exact, "{name}: {found} {exact}");
+            }
+        }
+    }
+}
