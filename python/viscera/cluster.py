@@ -17,6 +17,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
+from traceback import walk_tb
 from typing import Any, TypeVar
 from uuid import uuid4
 
@@ -31,6 +32,9 @@ EVERY = 0.1
 """Seconds between two calls of a progress callback, which may stop the work."""
 KEPT = 2
 """Number of shared objects that a worker keeps: memory is bounded, and two studies may take turns."""
+
+_UNTRAVELLED = (pickle.PicklingError, AttributeError, TypeError)
+"""What pickle raises where it cannot take a value."""
 
 _is_fork = False
 """Whether this process is a fork of another: it lacks the threads of the core, and would wait for them for ever."""
@@ -127,7 +131,7 @@ class _Sender:
             for future in done:
                 attend()
                 number, _ = self._under_way.pop(future)
-                reply = _reply_of(future)
+                reply = self._reply(future, tasks[number], number)
                 if reply.is_done:
                     self._lacking.discard(reply.worker)
                     yield number, reply.result
@@ -153,7 +157,7 @@ class _Sender:
 
     def _send(self, number: int, task: Any, *, takes_data: bool = False) -> None:
         if takes_data and self._data is None:
-            self._data = pickle.dumps(self._shared, pickle.HIGHEST_PROTOCOL)
+            self._data = _dumped(self._shared, "what the tasks share")
         data = self._data if takes_data else None
         # The number of the attempt makes each call another: Dask takes equal calls for one.
         try:
@@ -164,14 +168,29 @@ class _Sender:
             raise VisceraError(f"the executor takes no work ({error}); make another one") from error
         self._under_way[future] = number, takes_data
 
+    def _reply(self, future: Future[Reply], task: Any, number: int) -> Reply:
+        try:
+            return future.result()
+        except BrokenExecutor as error:
+            raise VisceraError(
+                f"a worker died, and its executor has no other ({error}); Dask replaces workers, and with checkpoint= "
+                "the same call continues from the finished batches"
+            ) from error
+        except _UNTRAVELLED as error:
+            if not any(frame.f_code is _do.__code__ for frame, _ in walk_tb(error.__traceback__)):
+                _dumped(self._work, "the work")
+                _dumped(task, f"task {number}")
+            raise
 
-def _reply_of(future: Future[Reply]) -> Reply:
+
+def _dumped(value: Any, name: str) -> bytes:
+    """The value as it travels to a worker."""
     try:
-        return future.result()
-    except BrokenExecutor as error:
+        return pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+    except _UNTRAVELLED as error:
         raise VisceraError(
-            f"a worker died, and its executor has no other ({error}); Dask replaces workers, and with checkpoint= the "
-            "same call continues from the finished batches"
+            f"{name} cannot travel to another process ({error}): a function must stand at the top of a module, "
+            "so no lambda and none within another; or take threads"
         ) from error
 
 

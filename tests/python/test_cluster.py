@@ -108,6 +108,24 @@ def test_what_fails_ends_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
         vs.sweep(twice, [21], [1], executor="many")  # type: ignore[arg-type]
 
 
+def test_what_cannot_travel_is_named(pool: Executor) -> None:
+    """Threads take any function; what it raises is told as it is."""
+    local: Any = lambda a, b: a[0] + b  # noqa: E731
+    for work, shared, task, named in (
+        (local, [21], 1, r"the work cannot travel .*no lambda"),
+        (twice, local, 1, r"what the tasks share cannot travel"),
+        (twice, [21], local, r"task 0 cannot travel"),
+    ):
+        with pytest.raises(vs.VisceraError, match=named):
+            vs.sweep(work, shared, [task], executor=pool)
+    with pytest.raises(TypeError, match="not subscriptable"):
+        vs.sweep(twice, 21, [1], executor=pool)  # type: ignore[arg-type]
+    with ThreadPoolExecutor(1) as threads:
+        assert vs.sweep(local, [21], [1], executor=threads) == [22]
+        with pytest.raises(TypeError, match="not subscriptable"):
+            vs.sweep(local, 21, [1], executor=threads)
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks on this system")
 def test_forks_are_refused(organ: vs.Organ) -> None:
     """They lack the threads of the core, and would wait for them without end."""
