@@ -152,6 +152,25 @@ def test_fibres_that_soften_are_refused_along_their_strain() -> None:
         vs.StrainEnergy(law, mu=1e3, k=9e3, q=1e4, fibres=[[1, 0, 0], [0, 1, 0]])
 
 
+@pytest.mark.parametrize("k1", [0.0, 5e4, 1e7])
+@pytest.mark.parametrize("fibre", ["k1/2*(I4 - 1)**2", "k1/8*(exp(4*max(I4 - 1, 0)**2) - 1) + k1/2*(I6 - 1)**2"])
+def test_fibres_stiffer_than_their_matrix_do_not_lock_or_crumple(fibre: str, k1: float) -> None:
+    """Clusters share the volume of the matrix alone: between P1, which locks, and P2, by default."""
+    fibres = [[0, 0.1, 1], [1, -1, 0.2]]
+    law = vs.StrainEnergy(f"mu/2*(I1 - 3) - mu*log(J) + k/2*log(J)**2 + {fibre}", mu=1e4, k=2e5, k1=k1, fibres=fibres)
+    assert law.poisson == pytest.approx(2e5 / (2 * (2e5 + 1e4)))
+    beam = vs.organs.beam()
+    solved = {
+        element: vs.Organ(beam, law, fixed="clamp", element=element).solve(
+            gravity=(0, 0, -9.81), density=2.0, throw=True
+        )
+        for element in (None, "P1", "P2")
+    }
+    stiff, default, soft = (solved[element].max_displacement for element in ("P1", None, "P2"))
+    assert 1.2 * stiff < default < soft
+    assert solved[None].energy > 0
+
+
 def test_the_energy_of_a_formula_counts_from_rest(bar: vs.Mesh) -> None:
     own, offset = (
         vs.StrainEnergy(f"mu/2*{first} - mu*log(J) + k/2*log(J)**2", mu=1e4, k=2e4) for first in ("(I1 - 3)", "I1")

@@ -30,7 +30,7 @@ pub(super) trait FibreEnergy: Copy + Send + Sync {
     fn first<S: Scalar>(&self, invariants: [S; 5]) -> [S; FIRST];
     /// With first and second derivatives.
     fn second<S: Scalar>(&self, invariants: [S; 5]) -> [S; SECOND];
-    /// `U(J)`, `U'(J)` and `U''(J)` of a pure dilatation.
+    /// `U(J)`, `U'(J)` and `U''(J)` of a dilatation that fibres feel least.
     fn volumetric<S: Scalar>(&self, J: &S) -> [S; 3];
 }
 

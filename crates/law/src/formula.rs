@@ -58,6 +58,14 @@ impl Tapes {
     }
 }
 
+/// The exponent of `J` in the squared stretch of every direction of a dilatation.
+const LIKE_ALL: f64 = 2.0 / 3.0;
+
+/// Largest exponent of a family of fibres, and the part of `psi_44 psi_66` below which two families count as one.
+const LARGEST: f64 = 2.0;
+/// See [`LARGEST`].
+const COUPLED: f64 = 1e-12;
+
 /// A strain energy as an expression in the invariants, parsed from a text or recorded from a law.
 pub struct Formula {
     names: Vec<String>,
@@ -125,9 +133,48 @@ impl Formula {
     /// The values of the tapes' constants, and six components of directions.
     fn prepare(&self, row: &[f64]) -> Vec<f64> {
         let (parameters, fibres) = row.split_at(row.len() - 3 * self.families);
-        let mut values = self.tapes.constants.values(&self.tapes.graph, parameters);
+        let Tapes { constants, graph, .. } = &self.tapes;
+        let with =
+            |exponents: [f64; 2]| constants.values(graph, &[parameters, &exponents].concat());
+        let mut values = with([LIKE_ALL; 2]);
+        if self.families > 0 {
+            values = with(self.exponents(&values));
+        }
         values.extend(fibres.iter().copied().chain(std::iter::repeat(0.0)).take(6));
         values
+    }
+
+    /// Exponents `e` of `I4 = J^e` and `I6 = J^f` with which fibres add least to the energy of a dilatation: zero where the
+    /// energy has `I4`, 2/3 where it has `I4 J^(-2/3)`. So `U(J)` is that of the matrix, and what a cluster shares leaves
+    /// each cell its fibres whole.
+    #[allow(non_snake_case)]
+    fn exponents(&self, constants: &[f64]) -> [f64; 2] {
+        let Some(tape) = &self.tapes.second else { return [LIKE_ALL; 2] };
+        let at_rest = Variable::ALL.map(Variable::at_rest);
+        let all: [f64; SECOND] = tape.evaluate(constants, at_rest);
+        // Rows of the upper triangle: 11 12 1J 14 16, 22 2J 24 26, JJ J4 J6, 44 46, 66.
+        let [p14, p16, p24, p26, pJ4, pJ6, p44, p46, p66] =
+            [9, 10, 13, 14, 16, 17, 18, 19, 20].map(|k| all[k]);
+        // Slopes of psi_4 and psi_6 in ln J, with dI1 = 2 d(ln J), dI2 = 4 d(ln J).
+        let slopes = [2.0 * p14 + 4.0 * p24 + pJ4, 2.0 * p16 + 4.0 * p26 + pJ6];
+        let determinant = p44 * p66 - p46 * p46;
+        let both = p44 + 2.0 * p46 + p66;
+        let found = if !(p44 >= 0.0 && p66 >= 0.0 && determinant >= -COUPLED * p44 * p66) {
+            [LIKE_ALL; 2] // fibres that soften have no least
+        } else if determinant > COUPLED * p44 * p66 {
+            [p46 * slopes[1] - p66 * slopes[0], p46 * slopes[0] - p44 * slopes[1]]
+                .map(|numerator| numerator / determinant)
+        } else if p46 == 0.0 {
+            // One family, or none, is felt at rest.
+            [(slopes[0], p44), (slopes[1], p66)]
+                .map(|(slope, own)| if own > 0.0 { -slope / own } else { LIKE_ALL })
+        } else {
+            [-(slopes[0] + slopes[1]) / both; 2]
+        };
+        found.map(|exponent| {
+            let known = [0.0, LIKE_ALL].into_iter().find(|e| (exponent - e).abs() < 1e-9);
+            known.unwrap_or(exponent.clamp(-LARGEST, LARGEST))
+        })
     }
 
     fn bind<'a>(&'a self, row: &'a [f64]) -> Bound<'a> {

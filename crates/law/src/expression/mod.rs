@@ -408,18 +408,20 @@ impl Expression {
         self.energy = self.graph.sub(self.energy, rest);
     }
 
-    /// The energy of a pure dilatation, a function of `J` alone: `I1 = 3 J^(2/3)`, `I2 = 3 J^(4/3)`, `I4 = J^(2/3)`.
+    /// The energy of a dilatation, a function of `J` alone: `I1 = 3 J^(2/3)`, `I2 = 3 J^(4/3)`, and along fibres `I4 = J^e`,
+    /// `I6 = J^f` with exponents `e`, `f` that are two parameters after all others.
     pub fn dilatation(&mut self) -> Id {
+        let after = self.parameters.len() as u16;
         let image = |graph: &mut Graph, leaf: Node| {
             let Node::Variable(variable) = leaf else { return graph.insert(leaf) };
             let j = graph.variable(Variable::J);
             let (factor, exponent) = match variable {
                 Variable::J => return j,
-                Variable::I1 => (3.0, 2.0 / 3.0),
-                Variable::I2 => (3.0, 4.0 / 3.0),
-                Variable::I4 | Variable::I6 => (1.0, 2.0 / 3.0),
+                Variable::I1 => (3.0, graph.number(2.0 / 3.0)),
+                Variable::I2 => (3.0, graph.number(4.0 / 3.0)),
+                Variable::I4 => (1.0, graph.parameter(after)),
+                Variable::I6 => (1.0, graph.parameter(after + 1)),
             };
-            let exponent = graph.number(exponent);
             let power = graph.power(j, exponent);
             let factor = graph.number(factor);
             graph.mul(factor, power)

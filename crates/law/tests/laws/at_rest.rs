@@ -37,6 +37,30 @@ fn the_shear_modulus_of_a_fibred_law_is_that_of_its_matrix() {
     }
 }
 
+/// Nor do fibres count in the bulk modulus, whatever the measure of their stretch: what clusters of cells share is what
+/// the matrix resists to a change of volume.
+#[test]
+fn the_bulk_modulus_of_a_fibred_law_is_that_of_its_matrix() {
+    for fibres in directions() {
+        for (first, second) in [
+            ("I4 - 1", "I6 - 1"),
+            ("I4*J**(-2/3) - 1", "I6 - 1"),
+            ("log(I4)", "max(I6*J**(-2/3) - 1, 0)"),
+            ("0.2*(I1 - 3) + 0.4*(I4 - 1)", "sqrt(I6) - 1"),
+            ("I4 + I6 - 2", "0*I6"),
+            ("0*I4", "I6 - 1"),
+        ] {
+            let text =
+                format!("mu/2*(I1bar - 3) + kappa/2*(J - 1)**2 + k*({first})**2 + k*({second})**2");
+            let row: Vec<f64> =
+                [SHEAR, BULK, 1e3].into_iter().chain(fibres.into_iter().flatten()).collect();
+            let law = Material::new(&format!("{FORMULA}{text}"), vec![row.clone()]).unwrap();
+            let [_, bulk] = law.moduli(&row);
+            assert!((bulk - BULK).abs() < 1e-9 * BULK, "{text}: {bulk}");
+        }
+    }
+}
+
 /// A fibre that gives way softens the strain `dev(f (x) f)`, of squared norm 2/3, by `8 |k|`.
 #[test]
 fn a_fibre_that_softens_lowers_the_shear_modulus() {
