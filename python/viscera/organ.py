@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import navigation
+from viscera import defaults, navigation
 from viscera.deformed import Moved
 from viscera.dynamics import Integration, Prony
 from viscera.errors import VisceraError
@@ -52,7 +52,7 @@ class Organ(Statics, Reducible):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: the compiled body is made again."""
-        return _again, (self.mesh, self.law, self.fixed, self.element, self.supports)
+        return _again, (self.mesh, self.law, self.fixed, self._chosen_element, self.supports)
 
     def with_law(self, law: Law | Mapping[Any, Law]) -> Organ:
         """The same mesh, supports and element with another law.
@@ -64,6 +64,12 @@ class Organ(Statics, Reducible):
         """
         return Organ(self.mesh, law, fixed=self.fixed, element=self.element, supports=self.supports)
 
+    def _locking_free(self) -> Organ:
+        """The same with linear cells that do not lock."""
+        return Organ(
+            self.mesh, self.law, fixed=self.fixed, element=defaults.LOCKING_FREE_ELEMENT, supports=self.supports
+        )
+
     def with_mesh(self, mesh: Mesh) -> Organ:
         """The same law, fixed nodes and element on another mesh with the same numbers of nodes and cells.
 
@@ -74,7 +80,7 @@ class Organ(Statics, Reducible):
         2.0
         """
         supports = [support.on(self.mesh) for support in self.supports]
-        return Organ(mesh, self.law, fixed=self.fixed, element=self.element, supports=supports)
+        return Organ(mesh, self.law, fixed=self.fixed, element=self._chosen_element, supports=supports)
 
     def stepper(
         self,
@@ -281,5 +287,5 @@ class Organ(Statics, Reducible):
         return casefile.write(self, path, loads=loads, scan=scan, settings=settings, reduction=reduction)
 
 
-def _again(mesh: Mesh, law: Law, fixed: Indices, element: str, supports: Sequence[Tied]) -> Organ:
+def _again(mesh: Mesh, law: Law, fixed: Indices, element: str | None, supports: Sequence[Tied]) -> Organ:
     return Organ(mesh, law, fixed, element=element, supports=supports)

@@ -115,6 +115,11 @@ class Reducible(Supported):
         self._warn_if_narrow(float(narrowest), nodes)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
         organ, family = (self._organ, None) if vary is None else vary.on(self.mesh).family(self._organ, radius)
+        if start is not None and organ.element != self.element:
+            raise VisceraError(
+                f"the range of poisson asks for the element {organ.element!r}, and the state to reduce about was found "
+                f"with {self.element!r}; make the organ with element={organ.element!r}"
+            )
         preload = None if start is None else preload_of(self._organ, start)
         numbers: dict[str, Any] = {
             "radius": radius,

@@ -58,6 +58,8 @@ class Supported(Pictured):
             raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
         self.element = _element(element, law)
         """Name of the element."""
+        self._chosen_element = element
+        """None if it was left to the law."""
         self.mesh = mesh.quadratic() if self.element == "P2" else mesh.linear()
         """The mesh with the nodes of the element."""
         self.law = law

@@ -5,11 +5,13 @@ The model is solved at Chebyshev's nodes of the range, and its answers are inter
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from viscera import defaults
 from viscera.errors import VisceraError
 from viscera.law import Law, TwoModuli, from_core
 from viscera.mesh import Floats, Indices, Mesh, Where
@@ -18,6 +20,8 @@ from viscera.select import length
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
+
+log = logging.getLogger("viscera")
 
 UNITS = {"young": "Pa", "poisson": "", "radius": "m"}
 PARAMETERS = tuple(UNITS)
@@ -107,6 +111,7 @@ class Vary:
         >>> organ.law
         NeoHookean(mu=38461.5, lam=57692.3)
         """
+        organ = self._with_suited_element(organ)
         cells = np.empty(0, dtype=np.uint32) if self.part is None else organ.mesh.cells_in(self.part)
         own = self.own_value(organ.law, cells, radius)
         low, high = self._ends
@@ -129,6 +134,22 @@ class Vary:
             "members": [member(value) for value in self.values],
             "unseen": [member(value) for value in self.unseen],
         }
+
+    def _with_suited_element(self, organ: Organ) -> Organ:
+        """The organ with an element for the whole range: all members have the same, and "P1" locks at its upper end."""
+        locks = self.name == "poisson" and self._ends[1] > defaults.LOCKING_POISSON
+        if not locks or organ.element != defaults.ELEMENT:
+            return organ
+        if organ._chosen_element is None:
+            return organ._locking_free()
+        log.warning(
+            "the range of poisson ends at %g, where the element %r locks: forces come out too large; "
+            "leave the element out, or name %r",
+            self._ends[1],
+            organ.element,
+            defaults.LOCKING_FREE_ELEMENT,
+        )
+        return organ
 
     def own_value(self, law: Law, cells: Indices, radius: float) -> float | None:
         """The organ's own value, or None if it differs between the cells.

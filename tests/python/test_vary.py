@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,29 @@ def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
     assert ogden.parameters[0, 3] == 3.0, "an exponent is no stress"
     with pytest.raises(vs.VisceraError, match="MooneyRivlin is not made from a Poisson's ratio"):
         law_at(changed, "poisson", 0.4, cells, 192)
+
+
+def test_a_range_that_ends_where_cells_lock_has_an_element_that_does_not(
+    bar: vs.Mesh, caplog: pytest.LogCaptureFixture
+) -> None:
+    vary = vs.Vary("poisson", 0.43, 0.485, nodes=3)
+
+    def organ(poisson: float, element: str | None = None) -> vs.Organ:
+        return vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=poisson), fixed="root", element=element)
+
+    of_law = pickle.loads(pickle.dumps(organ(0.44)))
+    assert of_law.element == "P1"
+    model = of_law.reduce(**TOP, vary=vary)
+    assert model.element == "P1 mean volume"
+    assert not caplog.records
+    assert gap(model.at(0.47), organ(0.47)) < 0.01
+    state = of_law.solve(gravity=(0, 0, -9.81), density=1e3)
+    with pytest.raises(vs.VisceraError, match=r"the state to reduce about was found with 'P1'"):
+        of_law.reduce(**TOP, vary=vary, start=state)
+    chosen, _ = vary.family(pickle.loads(pickle.dumps(organ(0.44, "P1"))), 0.07)
+    assert chosen.element == "P1"
+    assert "the element 'P1' locks" in caplog.text
+    assert vs.Vary("poisson", 0.3, 0.45, nodes=3).family(organ(0.44), 0.07)[0].element == "P1"
 
 
 @pytest.mark.parametrize(
