@@ -70,7 +70,7 @@ class Frame(Deformed, Pictured):
     seconds: float
     """Wall time [s]."""
     energy: float
-    """Strain energy [J] of the law, without relaxation."""
+    """Strain energy [J], without relaxation, and that of elastic supports, bonds, springs and cables."""
     kinetic_energy: float
     """Kinetic energy [J]; 0 without inertia."""
     _reactions: Floats

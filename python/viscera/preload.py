@@ -28,7 +28,7 @@ def preload_of(organ: Organ, state: State) -> Floats:
     """The displacement (n, 3) [m] of a state about which the organ can be reduced.
 
     Raises `VisceraError` if the state did not converge, belongs to another organ, is loaded by a pressure, which
-    follows the surface, or is held anywhere but at the organ's fixed nodes.
+    follows the surface, is pressed by a tool, or is held anywhere but at the organ's fixed nodes.
     """
     if state.displacement.shape != organ.mesh.points.shape:
         raise VisceraError(
@@ -41,6 +41,11 @@ def preload_of(organ: Organ, state: State) -> Floats:
         raise VisceraError(
             "the state to reduce about is under pressure, which turns with the surface as it is touched; "
             "a reduced model keeps dead loads only: gravity, forces, tractions"
+        )
+    if any(contact.touching for _, contact in state._tools):
+        raise VisceraError(
+            "the state to reduce about is pressed by a tool or a rigid body, whose force follows what moves; a reduced "
+            "model keeps dead loads only: gravity, forces, tractions"
         )
     own = organ._body.internal_force(state.displacement)
     size = float(np.abs(own).max())

@@ -219,6 +219,7 @@ class Reducible(Supported):
         )
 
     def _require_linear_ties(self) -> None:
+        self._refuse_bodies()
         if self._ties.links:
             raise VisceraError("a series does not know springs and cables; leave them out, or solve in load steps")
         if self._ties.surfaces:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from viscera import _core
 from viscera import law as laws
@@ -16,6 +15,7 @@ from viscera.bond import Bond
 from viscera.contact import Tool, tools_of
 from viscera.contact_pair import ContactPair, refuse_overlap
 from viscera.errors import VisceraError, did_you_mean
+from viscera.joined import joined_law, joined_mesh, law_of, numbers_of, renumbered
 from viscera.loads import faces_within
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.organ import Organ
@@ -72,36 +72,84 @@ class Scene(Organ):
     ) -> None:
         self.organs = _checked(organs)
         """The organs by name."""
-        self.bonds = _list_of(bonds, "bonds", "Bond and Spring, such as [Bond('liver', 'gallbladder')]")
+        given_bonds = _list_of(bonds, "bonds", "Bond and Spring, such as [Bond('liver', 'gallbladder')]")
+        given_contacts = _list_of(contacts, "contacts", "ContactPair, such as [ContactPair('liver', 'stomach')]")
+        self.bonds: tuple[Bond | Spring, ...] = _origins(given_bonds)
         """The bonds."""
-        self.contacts = _list_of(contacts, "contacts", "ContactPair, such as [ContactPair('liver', 'stomach')]")
+        self.contacts: tuple[ContactPair, ...] = _origins(given_contacts)
         """The contact pairs."""
         bodies = _list_of(bodies, "bodies", "tools and shapes, such as [Tool(HalfSpace())]")
         first = next(iter(self.organs.values()))
-        self._numbers = _numbers(self.organs)
-        mesh, law = _joined_mesh(self.organs), _joined_law(self.organs)
+        self._numbers = numbers_of(self.organs)
+        mesh, law = joined_mesh(self.organs), joined_law(self.organs)
         nodal = mesh.quadratic() if first.element == "P2" else mesh
         fixed = np.concatenate([self._numbers[name][organ.fixed] for name, organ in self.organs.items()])
         held: list[Tied] = [
-            Placed(support, _renumbered(ties, self._numbers[name]))
+            Placed(support, renumbered(ties, self._numbers[name]))
             for name, organ in self.organs.items()
             for support, ties in zip(organ.supports, organ._tied, strict=True)
         ]
-        for bond in self.bonds:
-            held.append(bond if isinstance(bond, Spring) else Placed(bond, self._samples(bond, nodal, law)))
-        for pair in self.contacts:
-            held.append(Placed(pair, self._surfaces(pair)))
+        for bond in given_bonds:
+            is_found = isinstance(bond, Spring | Placed)
+            held.append(bond if is_found else Placed(bond, self._samples(bond, nodal, law)))
+        held += [pair if isinstance(pair, Placed) else Placed(pair, self._surfaces(pair)) for pair in given_contacts]
         try:
             super().__init__(mesh, law, fixed=fixed, element=first.element, supports=held)
         except VisceraError as error:
             raise VisceraError(self._told(str(error))) from error
-        for pair in self.contacts:
-            refuse_overlap(pair, {name: organ.mesh for name, organ in self.organs.items()})
+        for pair in given_contacts:
+            if not isinstance(pair, Placed):
+                refuse_overlap(pair, {name: organ.mesh for name, organ in self.organs.items()})
         self._bodies = tools_of(list(bodies))
+        self._joined = given_bonds, given_contacts
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: the organs are joined again."""
-        return Scene, (self.organs, self._bodies, self.bonds, self.contacts)
+        return Scene, (self.organs, self._bodies, *self._joined)
+
+    def with_law(self, law: laws.Law | Mapping[Any, laws.Law]) -> Scene:
+        """The same scene with another law in all organs, or with laws by place; bonds are as stiff as it asks for.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> vs.Scene({"beam": beam}).with_law(vs.Corotated(young=1e5, poisson=0.3)).organ("beam").law
+        Corotated(mu=38461.5, lam=57692.3)
+        """
+        whole = laws.Several(self.mesh, law) if isinstance(law, Mapping) else law
+        of_cell = self.of_cell
+        cells = {name: np.flatnonzero(of_cell == number) for number, name in enumerate(self.organs)}
+        organs = {name: organ.with_law(law_of(whole, cells[name])) for name, organ in self.organs.items()}
+        return Scene(organs, self._bodies, self.bonds, self.contacts)
+
+    def with_mesh(self, mesh: Mesh) -> Scene:
+        """The same scene where its organs have another shape, that of a mesh with the same numbers of nodes and cells.
+
+        Bonds join what they join here, and are without stress there.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> scene = vs.Scene({"beam": beam})
+        >>> longer = vs.mesh(2 * scene.mesh.points, scene.mesh.cells, scene.mesh.sets)
+        >>> scene.with_mesh(longer).organ("beam").mesh.diagonal / beam.mesh.diagonal
+        2.0
+        """
+        organs = {}
+        for name, organ in self.organs.items():
+            points = mesh.points[self._numbers[name][: organ.mesh.n_corners]]
+            points.flags.writeable = False
+            organs[name] = organ.with_mesh(replace(organ.mesh.linear(), points=points))
+        bonds = [self._kept(bond) for bond in self.bonds]
+        return Scene(organs, self._bodies, bonds, [self._kept(pair) for pair in self.contacts])
+
+    def _locking_free(self) -> Scene:
+        organs = {name: organ._locking_free() for name, organ in self.organs.items()}
+        return Scene(organs, self._bodies, *self._joined)
+
+    def _kept(self, joint: Bond | Spring | ContactPair) -> Any:
+        """What joins organs, at the nodes that it joins here."""
+        if isinstance(joint, Spring):
+            return joint.on(self.mesh)
+        return next(held for held in self.supports if isinstance(held, Placed) and held.origin is joint)
 
     def __repr__(self) -> str:
         words = [f"{name}: {len(organ.mesh.points)} points" for name, organ in self.organs.items()]
@@ -275,6 +323,10 @@ def _list_of(given: Any, name: str, what: str) -> tuple[Any, ...]:
     return found
 
 
+def _origins(given: tuple[Any, ...]) -> Any:
+    return tuple(each.origin if isinstance(each, Placed) else each for each in given)
+
+
 @dataclass(frozen=True, eq=False)
 class Placed:
     """A support, a bond or a contact pair in the numbering of a scene."""
@@ -287,7 +339,7 @@ class Placed:
         return self.found
 
     def on(self, mesh: Mesh) -> Placed:
-        """The same."""
+        """The same; another mesh makes another scene."""
         return self
 
     def is_same(self, other: object) -> bool:
@@ -310,65 +362,3 @@ def _checked(organs: Mapping[str, Organ]) -> dict[str, Organ]:
             "in Organ(..., element='P1 mean volume')"
         )
     return dict(organs)
-
-
-def _numbers(organs: Mapping[str, Organ]) -> dict[str, NDArray[np.int64]]:
-    """Of each organ: the nodes of the scene that are its own. The midpoints of all organs come after all corners."""
-    corners = np.cumsum([0, *(organ.mesh.n_corners for organ in organs.values())])
-    edges = corners[-1] + np.cumsum([0, *(len(organ.mesh.edges) for organ in organs.values())])
-    starts = zip(organs.items(), corners[:-1], edges[:-1], strict=True)
-    return {
-        name: np.concatenate(
-            [first + np.arange(organ.mesh.n_corners), middle + np.arange(len(organ.mesh.edges))]
-        ).astype(np.int64)
-        for (name, organ), first, middle in starts
-    }
-
-
-def _joined_mesh(organs: Mapping[str, Organ]) -> Mesh:
-    """The linear meshes side by side. They are checked already, and may lie on each other."""
-    points, cells = [], []
-    sets, cell_sets = dict[str, Indices](), dict[str, Indices]()
-    first = n_cells = 0
-    for name, organ in organs.items():
-        mesh = organ.mesh.linear()
-        points.append(mesh.points)
-        cells.append(mesh.cells + np.uint32(first))
-        sets[name] = np.arange(first, first + len(mesh.points), dtype=np.uint32)
-        sets |= {f"{name}/{own}": sets[name][nodes] for own, nodes in mesh.sets.items()}
-        cell_sets[name] = np.arange(n_cells, n_cells + len(mesh.cells), dtype=np.uint32)
-        cell_sets |= {f"{name}/{own}": cell_sets[name][chosen] for own, chosen in mesh.cell_sets.items()}
-        first, n_cells = first + len(mesh.points), n_cells + len(mesh.cells)
-    all_points, all_cells = np.concatenate(points), np.concatenate(cells).astype(np.uint32)
-    all_points.flags.writeable = all_cells.flags.writeable = False
-    axes = {organ.mesh.axes for organ in organs.values()}
-    return Mesh(all_points, all_cells, sets, cell_sets=cell_sets, axes=axes.pop() if len(axes) == 1 else "")
-
-
-def _joined_law(organs: Mapping[str, Organ]) -> laws.Law:
-    """One law with parameters per cell for all organs of one law; laws of several kinds side by side."""
-    rows: dict[str, Floats] = {}
-    total = sum(len(organ.mesh.cells) for organ in organs.values())
-    of_cell, first = np.empty(total, dtype=np.int64), 0
-    for organ in organs.values():
-        count = len(organ.mesh.cells)
-        several = organ.law if isinstance(organ.law, laws.Several) else None
-        parts = several.laws if several else (organ.law,)
-        owner = several.of_cell if several else np.zeros(count, dtype=np.int64)
-        for k, part in enumerate(parts):
-            own = np.flatnonzero(owner == k)
-            if not len(own):
-                continue
-            kind = rows.setdefault(part.name, np.tile(part.parameters[:1], (total, 1)))
-            kind[first + own] = part.parameters[own] if len(part.parameters) > 1 else part.parameters
-            of_cell[first + own] = list(rows).index(part.name)
-        first += count
-    whole = [laws.from_core(name, each[:1] if (each == each[0]).all() else each) for name, each in rows.items()]
-    return whole[0] if len(whole) == 1 else laws.Several.of_cells(tuple(whole), of_cell)
-
-
-def _renumbered(ties: Ties, numbers: Indices | NDArray[np.int64]) -> Ties:
-    links = tuple(
-        replace(link, ends=tuple((int(numbers[node]), weight) for node, weight in link.ends)) for link in ties.links
-    )
-    return Ties(ties.start, numbers[ties.nodes].astype(np.uint32), ties.weights, ties.stiffness, links)

@@ -15,6 +15,9 @@ from viscera.ties import NONE, Link, Ties
 
 STIFFNESS = Number("N/m", above=0)
 
+COINCIDENT = 1e-9
+"""Distance of two ends over the diagonal of the mesh below which they are in one place."""
+
 
 class Spring:
     """A spring between the means of two places, or from a place to a point in space: a ligament, a thread.
@@ -112,6 +115,12 @@ class Spring:
             rest = rest - weights @ mesh.points[nodes]
         given = self._metres(mesh.diagonal)
         length = float(np.linalg.norm(rest)) if given is None else given
+        near = COINCIDENT * mesh.diagonal
+        if length > near and not self.cable and np.linalg.norm(rest) <= near:
+            raise VisceraError(
+                f"{self!r} pushes its ends apart, and they are in one place at rest, so it has no direction; "
+                "move an end, or give length=0"
+            )
         link = Link(tuple(ends), np.asarray(rest), self.stiffness, length, self.cable)
         return Ties(*NONE.arrays, links=(link,))
 

@@ -52,7 +52,7 @@ class State(Deformed, Pictured):
         """Displacement (n, 3) [m]."""
         self._displacement_from_rest = self.displacement
         self.energy: float = result["energy"]
-        """Strain energy [J], and that of elastic supports."""
+        """Strain energy [J], and that of elastic supports, bonds, springs and cables."""
         self.volume_ratio: float = result["volume"] / organ.mesh.volume
         """Deformed over rest volume."""
         self.status: str = result["status"]

@@ -166,6 +166,7 @@ class Statics(Supported):
         until = Number(above=0)(until, "until")
         tolerance = TOLERANCE(tolerance, "tolerance")
         max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")
+        self._refuse_bodies()
         pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
         applied = self._dead_forces(force, traction)
         expansions = self._body.path(

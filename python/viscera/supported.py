@@ -75,6 +75,12 @@ class Supported(Pictured):
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element, self._ties.core)
         self._narrow: set[float] = set()  # radii of contacts that were warned of
 
+    def _refuse_bodies(self) -> None:
+        if self._bodies:
+            raise VisceraError(
+                "a series does not know the rigid bodies of the scene; leave them out, or solve in load steps"
+            )
+
     def __repr__(self) -> str:
         size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"
         held = [f"{len(self.fixed)} fixed nodes"] if len(self.fixed) or not self.supports else []

@@ -439,4 +439,4 @@ def test_contacts_that_cannot_be_are_refused() -> None:
         with pytest.raises(vs.VisceraError, match="does not know surfaces that touch"):
             series()
     with pytest.raises(vs.VisceraError, match="`contact` gives its force"):
-        scene.solve(displacement=held(scene)).support_force(scene.contacts[0])
+        scene.solve(displacement=held(scene)).support_force(wrong(scene.contacts[0]))

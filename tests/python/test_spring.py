@@ -102,6 +102,16 @@ def test_a_spring_between_organs_of_a_scene() -> None:
     assert state.reaction("lower/clamp") == pytest.approx(-pull + np.array([0.0, 0.0, 8.0]), abs=1e-5)
 
 
+def test_a_spring_without_a_direction_is_refused(bar: vs.Mesh) -> None:
+    centre = bar.points[bar.sets["tip"]].mean(axis=0)
+    for length in (0.1, "1%"):
+        with pytest.raises(vs.VisceraError, match="has no direction; move an end, or give length=0"):
+            vs.Organ(bar, SOFT, fixed="root", supports=[vs.Spring("tip", point=centre, stiffness=9.0, length=length)])
+    for told in ({"length": 0}, {}, {"length": 0.1, "cable": True}):
+        held = vs.Organ(bar, SOFT, fixed="root", supports=[vs.Spring("tip", point=centre, stiffness=9.0, **told)])
+        assert held.solve(force={"tip": (0, 0, 1e-3)}).is_converged
+
+
 def test_series_refuse_springs() -> None:
     organ = beam(vs.Spring("tip", "top", stiffness=1.0))
     for series in (
