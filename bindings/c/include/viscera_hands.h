@@ -108,7 +108,7 @@ int32_t viscera_grasp_progress(viscera_grasp *grasp, viscera_grasp_state *state)
  * which may be null, is then 1. A grasp in the background does so by itself, and refuses. */
 int32_t viscera_grasp_add_snapshot(viscera_grasp *grasp, int32_t *added, char *message, size_t message_len);
 
-/* Memory for an answer of a grasp; it may outlive the grasp. It is used by one thread at a time. */
+/* Memory for an answer of this grasp, and of no other; it may outlive the grasp. It is used by one thread at a time. */
 int32_t viscera_held_new(const viscera_grasp *grasp, viscera_held **held, char *message, size_t message_len);
 
 /* Frees an answer; null is allowed. */
@@ -121,7 +121,8 @@ void viscera_held_free(viscera_held *held);
  *   takes longer than a tick: let another thread ask now and then. If the last equilibrium that was assessed is not
  *   trusted, its status takes the place of VISCERA_OK until one is.
  * - VISCERA_BEYOND_DEPTH, VISCERA_NOT_CONVERGED, VISCERA_OUT_OF_TIME, VISCERA_INVERTED: not trusted.
- * - Any other: there is no answer. */
+ * - Any other: there is no answer, with VISCERA_BAD_SETTING because the memory is that of another grasp, or `asked` or
+ *   `budget` is not one of those above. */
 int32_t viscera_grasp_solve(viscera_grasp *grasp, const double *displacements, size_t displacements_len, int32_t asked,
                             double budget, viscera_held *held);
 

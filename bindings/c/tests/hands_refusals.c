@@ -184,6 +184,21 @@ static void training(const viscera_hands *trained) {
     viscera_held_free(atomic_load(&newest));
 }
 
+/* A grasp writes into no memory of another, whose verdict and frame it would take. */
+static void strangers(viscera_hands *hands, viscera_grasp *grasp) {
+    viscera_grasp *other = NULL;
+    viscera_held *held = NULL;
+    double forces[6];
+    EXPECT(viscera_grasp_new(hands, LEFT_AND_RIGHT, 2, NULL, NULL, &other, message, sizeof message) == VISCERA_OK);
+    EXPECT(viscera_held_new(other, &held, message, sizeof message) == VISCERA_OK);
+    EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, 0, 0, held) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_held_forces(held, forces, 6) == VISCERA_NOT_CONVERGED && forces[2] == 0);
+    EXPECT(viscera_grasp_solve(other, PUSHES, 6, 0, 0, held) == VISCERA_OK);
+    viscera_grasp_free(other);
+    EXPECT(viscera_held_forces(held, forces, 6) == VISCERA_OK && forces[2] != 0);
+    viscera_held_free(held);
+}
+
 int main(int argc, char **argv) {
     viscera_model *model = NULL;
     viscera_grasp *grasp = NULL;
@@ -193,6 +208,7 @@ int main(int argc, char **argv) {
     viscera_free(model); /* each has a copy */
     grasps(hands, trained);
     EXPECT(viscera_grasp_new(hands, LEFT_AND_RIGHT, 2, NULL, NULL, &grasp, message, sizeof message) == VISCERA_OK);
+    strangers(hands, grasp);
     viscera_hands_free(hands);
     answers(grasp);
     viscera_grasp_free(grasp);

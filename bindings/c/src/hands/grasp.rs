@@ -235,6 +235,9 @@ pub unsafe extern "C" fn viscera_grasp_solve(
         return status::NULL_POINTER;
     };
     held.forget();
+    if !held.is_of(&grasp.verdict) {
+        return status::BAD_SETTING;
+    }
     if displacements.is_null() {
         return status::NULL_POINTER;
     }

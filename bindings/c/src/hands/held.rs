@@ -47,6 +47,11 @@ impl Held {
         self.status = status::NOT_CONVERGED;
     }
 
+    /// Whether it was made for the grasp with this verdict, whose size and frame it has.
+    pub(super) fn is_of(&self, verdict: &Arc<AtomicI32>) -> bool {
+        Arc::ptr_eq(&self.verdict, verdict)
+    }
+
     pub(super) fn status_of_search(&self) -> viscera_status {
         status_of(self.solution.trust_of_search())
     }
