@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from viscera.errors import VisceraError
 from viscera.imagefile import read_image
 from viscera.mesh import Floats, Mesh
 from viscera.scan import Scan
+
+log = logging.getLogger("viscera")
 
 
 def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, ArrayLike]) -> Floats:
@@ -41,6 +44,13 @@ def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
     """Unit directions (m, 3) at the centroids."""
     if isinstance(image, str | os.PathLike):
         name, (vectors, affine, axes) = str(image), read_image(Path(image))
+        if not mesh.axes:
+            log.warning(
+                "the mesh states no world axes; they are taken for %s, those of %s: "
+                "a mesh in other axes has its fibres mirrored",
+                axes,
+                name,
+            )
     else:
         (vectors, affine), axes = image, mesh.axes
     vectors = np.asarray(vectors, dtype=np.float64)
@@ -49,6 +59,7 @@ def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
         vectors = vectors[:, :, :, 0]  # NIfTI keeps the components of vectors in the fifth dimension
     if vectors.ndim != 4 or vectors.shape[3] != 3:
         raise VisceraError(f"image {name} of fibres has the shape {vectors.shape}; it needs three components per voxel")
+    vectors = vectors / max(float(np.abs(vectors).max(initial=0.0)), np.finfo(float).tiny)  # only directions count
     grid = Scan(np.zeros(vectors.shape[:3], dtype=np.uint16), np.asarray(affine), axes or "RAS")
     if mesh.axes and mesh.axes != grid.axes:
         grid, vectors = grid.in_axes(mesh.axes), vectors * [-1.0, -1.0, 1.0]

@@ -56,6 +56,10 @@ def _affine(image: Any) -> Floats:
     return np.asarray(unit * image.affine[:3])
 
 
+EMPTY = 2
+"""Slices without labels that are put back at either end of a segmentation that left some out."""
+
+
 def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, str]]:
     """A DICOM segmentation: labels, affine map (3, 4) [m], axes, names of its segments, which may not overlap."""
     highdicom = _library("highdicom")
@@ -66,7 +70,28 @@ def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, 
     except Exception as error:
         reason = " ".join(str(error).split())[-200:]
         raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
-    return volume.array, MM * volume.affine[:3], "LPS", names
+    array, affine = volume.array, MM * volume.affine[:3]
+    if _n_source_images(found) > len(array):
+        array, affine = _with_empty_ends(array, affine)
+    return array, affine, "LPS", names
+
+
+def _n_source_images(segmentation: Any) -> int:
+    """Number of images, one for each slice, in which the segments were drawn; 0 if the file does not say."""
+    series = getattr(segmentation, "ReferencedSeriesSequence", ())
+    images = [image for one in series for image in getattr(one, "ReferencedInstanceSequence", ())]
+    return len({str(image.ReferencedSOPInstanceUID) for image in images})
+
+
+def _with_empty_ends(array: NDArray[Any], affine: Floats) -> tuple[NDArray[Any], Floats]:
+    """With two slices on either side, since the file leaves out some without labels.
+
+    At which end they were it does not say, so an organ at an end counts as whole there.
+    """
+    padded = np.pad(array, ((EMPTY, EMPTY), (0, 0), (0, 0)))
+    moved = affine.copy()
+    moved[:, 3] -= EMPTY * affine[:, 0]
+    return padded, moved
 
 
 def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> None:

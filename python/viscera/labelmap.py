@@ -13,6 +13,10 @@ from viscera.mesh import Floats
 from viscera.quantity import numbers_of, refused
 
 
+ROUNDING = 1e-6
+"""Of labels that a file keeps as multiples of a number such as 1/3, in single precision."""
+
+
 def affine_of(given: Any) -> Floats:
     """An invertible map (3, 4) from the indices of voxels to their places."""
     affine = numbers_of(given)
@@ -40,9 +44,11 @@ def labels_of(given: Any) -> NDArray[np.uint16]:
     if values.dtype.kind not in "biuf":
         raise VisceraError(f"a label map holds whole numbers, not {values.dtype}")
     if values.dtype.kind == "f":
-        wrong = values[~(values == np.rint(values))]
+        whole = np.rint(values)
+        wrong = values[~(np.abs(values - whole) <= ROUNDING * np.maximum(whole, 1.0))]
         if wrong.size:
-            raise VisceraError(f"it holds {wrong.flat[0]:.6g}, which is no label; give a segmentation, not the scan")
+            raise VisceraError(f"it holds {wrong.flat[0]:.9g}, which is no label; give a segmentation, not the scan")
+        values = whole
     if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 65535):
         raise VisceraError(f"its values go from {values.min()} to {values.max()}; labels are 0 to 65535")
     return np.ascontiguousarray(values.astype(np.uint16))

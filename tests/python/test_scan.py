@@ -57,7 +57,9 @@ def test_both_libraries_see_a_nifti_file_in_the_same_place(labelled: vs.Scan, tm
     assert image[index] == 300
 
 
-def test_a_dicom_segmentation_brings_names(tmp_path: Path) -> None:
+@pytest.mark.parametrize("leaves_out", [False, True])
+def test_a_dicom_segmentation_brings_names(tmp_path: Path, leaves_out: bool) -> None:
+    """Slices without labels, which a file may leave out, lie between the organ and the edge of the scan."""
     highdicom = pytest.importorskip("highdicom")
     from highdicom.sr.coding import CodedConcept
     from pydicom.dataset import Dataset, FileMetaDataset
@@ -87,7 +89,7 @@ def test_a_dicom_segmentation_brings_names(tmp_path: Path) -> None:
     voxels[1:3, 2:4, 5:7] = 1
     segmentation = highdicom.seg.Segmentation(
         slices, voxels, "BINARY", [described], generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1",
-        content_creator_name="A^B", omit_empty_frames=False,
+        content_creator_name="A^B", omit_empty_frames=leaves_out,
     )  # fmt: skip
     segmentation.save_as(tmp_path / "liver.dcm")
     found = vs.scan(tmp_path / "liver.dcm")
@@ -96,6 +98,8 @@ def test_a_dicom_segmentation_brings_names(tmp_path: Path) -> None:
     assert found.axes == "LPS"
     first = 1e-3 * np.array([10.0 + 1.5 * 5, 20.0 + 2.0 * 2, 33.0])
     assert found.at([first, first - [1.5e-3, 0, 0]]).tolist() == [1, 0]
+    assert (found.values[[0, -1]] == 0).all()
+    assert "cut" not in found.mesh(edge="2 mm").sets
 
 
 def test_images_that_are_no_label_map_are_refused(labelled: vs.Scan, tmp_path: Path) -> None:
@@ -107,6 +111,9 @@ def test_images_that_are_no_label_map_are_refused(labelled: vs.Scan, tmp_path: P
     nibabel.save(nibabel.Nifti1Image(np.full((4, 4, 4), 0.5), eye), tmp_path / "half.nii")
     with pytest.raises(vs.VisceraError, match=r"it holds 0.5, which is no label"):
         vs.scan(tmp_path / "half.nii")
+    thirds = np.full((4, 4, 4), 3, dtype=np.float32) * np.float32(1 / 3)
+    nibabel.save(nibabel.Nifti1Image(np.float32(255) * thirds * np.float32(1 + 1e-7), eye), tmp_path / "thirds.nii")
+    assert vs.scan(tmp_path / "thirds.nii").labels == {255: 64}
     nibabel.save(nibabel.Nifti1Image(np.full((4, 4, 4), -3, dtype=np.int16), eye), tmp_path / "minus.nii")
     with pytest.raises(vs.VisceraError, match="its values go from -3 to -3; labels are 0 to 65535"):
         vs.scan(tmp_path / "minus.nii")
