@@ -56,8 +56,9 @@ def register(
 ) -> Registered:
     """Fit the organ; visible (t, 3): triangles that may have been seen; loaded (k,): nodes where forces may act."""
     began = perf_counter()
-    motions = starts(Shape(organ.mesh.points, visible), seen, start)
-    equations = Equations(organ, seen, visible, Forces(organ, loaded))
+    counted = seen.counted()
+    motions = starts(Shape(organ.mesh.points, visible), counted, start)
+    equations = Equations(organ, counted, visible, Forces(organ, loaded))
     try:
         responses = equations.forces.responses(np.zeros_like(organ.mesh.points))
     except VisceraError as error:
@@ -78,14 +79,15 @@ def register(
     one, message = OneCause(equations, smooth.metrics).followed(best.motion, tell)
     if one.is_lost:
         one, message = smooth.followed(best, tell)
-    return _Result(equations).of(one, message, perf_counter() - began)
+    return _Result(equations, seen).of(one, message, perf_counter() - began)
 
 
 class _Result:
     """What a fit says of the organ."""
 
-    def __init__(self, equations: Equations) -> None:
-        self.equations, self.organ, self.seen = equations, equations.organ, equations.seen
+    def __init__(self, equations: Equations, seen: Observed) -> None:
+        """seen: with the points of weight 0, whose residuals are told too."""
+        self.equations, self.organ, self.seen = equations, equations.organ, seen
         self.visible = equations.visible
 
     def of(self, at: Iterate, message: str, seconds: float) -> Registered:
@@ -99,8 +101,8 @@ class _Result:
             z = motion.back(self.seen.surface)
             triangles, _, _, p, normal = shape.closest(z)
             residual = np.copysign(np.linalg.norm(z - p, axis=1), np.einsum("ki,ki->k", normal, z - p))
-            inside = np.abs(residual) < TUKEY * max(spread(residual), 1e-6)
-            coverage = self._coverage(triangles[inside])
+            inside = np.abs(residual) < TUKEY * max(spread(residual, self.seen.weights), 1e-6)
+            coverage = self._coverage(triangles[inside], self.seen.weights[inside])
         pairs: dict[str, float] = {}
         if self.seen.members:
             gaps = np.linalg.norm(motion.back(self.seen.measured) - self.equations.means(x), axis=1)
@@ -135,10 +137,10 @@ class _Result:
         rows = np.concatenate([lever, ones, at.responses], axis=2) @ root
         return np.asarray(rows @ rows.transpose(0, 2, 1))
 
-    def _coverage(self, triangles: NDArray[np.int64]) -> float:
-        """Share of the surface with points on it; few beside many are taken for scatter past its edge."""
+    def _coverage(self, triangles: NDArray[np.int64], weights: Floats) -> float:
+        """Share of the surface with points (k,) on it; few beside many are taken for scatter past its edge."""
         mesh = self.organ.mesh
-        hits = np.bincount(triangles, minlength=len(self.visible))
+        hits = np.bincount(triangles, weights, minlength=len(self.visible))
         is_hit = hits > 0.25 * np.median(hits[hits > 0]) if hits.any() else hits > 0
         return float(_areas(mesh.points, self.visible)[is_hit].sum() / _areas(mesh.points, mesh.surface).sum())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from viscera.quantity import numbers_of, refused, vector
 LARGEST_CLOUD = 4.0
 """Diagonals of the organ; a cloud wider than that is of something else, or in another unit."""
 SMALLEST_CLOUD = 0.02
+FEWEST = 20
+"""Surface points by which an organ is looked for without landmarks."""
 LINE = 1e-3
 """Width over length up to which what was measured lies on a line."""
 
@@ -28,7 +30,7 @@ class Observed:
     surface: Floats
     """Points (k, 3) on the organ's surface, nobody knows where on it."""
     weights: Floats
-    """(k,), 1 by default."""
+    """(k,), 1 by default; a point of weight 0 does not count."""
     places: Floats
     """Places (l, 3) of the organ at rest that were found again: landmarks first, then points."""
     members: tuple[tuple[NDArray[np.int64], Floats], ...]
@@ -41,6 +43,11 @@ class Observed:
     """Standard deviation of the surface points [m] along each axis."""
     pair_noise: Floats
     """The same of landmarks and points (l,)."""
+
+    def counted(self) -> Observed:
+        """The same without surface points of weight 0, of which a fit is to know nothing."""
+        counts = self.weights > 0.0
+        return replace(self, surface=self.surface[counts], weights=self.weights[counts])
 
     @property
     def fixes_motion(self) -> bool:
@@ -89,9 +96,15 @@ def observed(
             f"{len(places)} landmarks and points do not fix a rigid motion; give three that are not on a line, or "
             "surface points"
         )
-    if 0 < len(cloud) < 20 and not seen.fixes_motion:
-        raise VisceraError(f"{len(cloud)} surface points are too few to find the organ by; give 20, or three landmarks")
-    _check_extent(mesh, seen)
+    counted = seen.counted()
+    if 0 < len(counted.surface) < FEWEST and not seen.fixes_motion:
+        without = len(cloud) - len(counted.surface)
+        beside = f", beside {without} of weight 0," if without else ""
+        raise VisceraError(
+            f"{len(counted.surface)} surface points{beside} are too few to find the organ by; give {FEWEST}, or three "
+            "landmarks"
+        )
+    _check_extent(mesh, counted)
     return seen
 
 
@@ -149,7 +162,7 @@ def _within(mesh: Mesh, places: Floats) -> list[tuple[NDArray[np.int64], Floats]
 
 def _check_extent(mesh: Mesh, seen: Observed) -> None:
     """Raise `VisceraError` if what was measured fixes no turn, or cannot be this organ in metres."""
-    everything: Any = np.concatenate([seen.surface[seen.weights > 0.0], seen.measured])
+    everything: Any = np.concatenate([seen.surface, seen.measured])
     arms = everything - everything.mean(axis=0)
     _, width, length = np.linalg.eigvalsh(arms.T @ arms)
     if not width > LINE**2 * length:

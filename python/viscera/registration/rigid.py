@@ -142,14 +142,16 @@ def tukey(residual: Floats, scale: float | Floats) -> Floats:
     return np.asarray(np.clip(1.0 - (residual / (TUKEY * scale)) ** 2, 0.0, None) ** 2)
 
 
-def spread(residual: Floats, weights: Floats | None = None) -> float:
-    """Standard deviation of a normal distribution with outliers, from the (weighted) median of sizes."""
+def spread(residual: Floats, weights: Floats) -> float:
+    """Standard deviation of a normal distribution with outliers, from the weighted median of sizes (k,).
+
+    Where half of the weight (k,) lies on either side of two sizes, the median is their mean.
+    """
     sizes = np.abs(residual)
-    if weights is None:
-        return 1.4826 * float(np.median(sizes))
     order = np.argsort(sizes)
     total = np.cumsum(weights[order])
-    return 1.4826 * float(sizes[order][np.searchsorted(total, 0.5 * total[-1])])
+    low, high = (np.searchsorted(total, 0.5 * total[-1], side=side) for side in ("left", "right"))
+    return 1.4826 * 0.5 * float(sizes[order[low]] + sizes[order[high]])
 
 
 def spaced(points: Floats, count: int) -> NDArray[np.int64]:
@@ -172,7 +174,7 @@ def starts(shape: Shape, seen: Observed, given: Rigid | None) -> list[Rigid]:
         return [aligned(seen.places, seen.measured, seen.pair_noise**-2.0)]
     if given is not None:
         return [_icp(shape, seen, given, N_FINE, FINE_STEPS)[1]]
-    middle = seen.surface.mean(axis=0)
+    middle = np.average(seen.surface, axis=0, weights=seen.weights)
     nodes = np.unique(shape.triangles)
     places = shape.points[nodes[spaced(shape.points[nodes], N_PLACES)]]
     axes = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
@@ -193,14 +195,15 @@ def starts(shape: Shape, seen: Observed, given: Rigid | None) -> list[Rigid]:
 
 def _icp(shape: Shape, seen: Observed, motion: Rigid, count: int, steps: int) -> tuple[float, Rigid]:
     """Point-to-plane iterations; the robust misfit [m] and the motion."""
-    cloud = seen.surface[:: max(1, len(seen.surface) // count)]
+    every = max(1, len(seen.surface) // count)
+    cloud, share = seen.surface[::every], seen.weights[::every] / seen.weights[::every].mean()
     for _ in range(steps):
         z = motion.back(cloud)
         _, _, _, p, normal = shape.closest(z)
         centre = z.mean(axis=0)
         residual = np.einsum("ki,ki->k", normal, z - p)
         near = tukey(np.linalg.norm(z - p, axis=1), FAR * shape.diagonal)
-        weight = near * tukey(residual, max(spread(residual), 1e-4 * shape.diagonal))
+        weight = share * near * tukey(residual, max(spread(residual, share), 1e-4 * shape.diagonal))
         rows = np.concatenate([np.cross(z - centre, normal), normal], axis=1)
         size = np.repeat([0.5 * shape.diagonal, 1.0], 3)
         scaled = rows / size
@@ -209,4 +212,4 @@ def _icp(shape: Shape, seen: Observed, motion: Rigid, count: int, steps: int) ->
         motion = motion.turned(step[:3], step[3:], centre)
     z = motion.back(cloud)
     distance = np.linalg.norm(z - shape.closest(z)[3], axis=1)
-    return float(np.minimum(distance, FAR * shape.diagonal).mean()), motion
+    return float(np.average(np.minimum(distance, FAR * shape.diagonal), weights=share)), motion

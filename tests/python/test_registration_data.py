@@ -1,0 +1,95 @@
+"""Registration by what counts: weights, units and sizes of what was measured, and whether the organ fits it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.registration.rigid import Rigid, rotation_of, spread
+
+Floats = np.ndarray
+MOVED = Rigid(rotation_of(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.02, 0.04]))
+NOISE = 1e-3
+
+
+@pytest.fixture(scope="module")
+def organ() -> vs.Organ:
+    """The built-in liver with few cells."""
+    liver = vs.organs.liver()
+    coarse = vs.mesh_surface((liver.points, liver.surface), edge=0.025)
+    near = np.linalg.norm(coarse.points[:, None] - liver.points[liver.sets["hilum"]], axis=2).min(axis=1)
+    tip = coarse.points[:, 0] > 0.095
+    mesh = coarse.with_sets(hilum=np.flatnonzero(near < 0.01), tip=np.flatnonzero(tip))
+    return vs.Organ(mesh, vs.NeoHookean(young=6e3, poisson=0.45), fixed="hilum")
+
+
+@pytest.fixture(scope="module")
+def truth(organ: vs.Organ) -> Floats:
+    """Where the nodes are after a load that the registration knows nothing of, and a rigid motion."""
+    state = organ.solve(gravity=(2.0, 0.0, 1.5), density=1060.0, throw=True)
+    return MOVED(organ.mesh.points + state.displacement)
+
+
+@pytest.fixture(scope="module")
+def cloud(organ: vs.Organ, truth: Floats) -> Floats:
+    """Noisy points on all of the front."""
+    rng = np.random.default_rng(3)
+    rest = organ.mesh.points[organ.mesh.surface]
+    facing = np.cross(rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0]) @ [0.0, -0.75, 0.66]
+    seen = organ.mesh.surface[(facing > 0.0) & (rest.mean(axis=1)[:, 1] < 0.03)]
+    points = np.einsum("ka,kai->ki", rng.dirichlet(np.ones(3), size=800), truth[rng.choice(seen, size=800)])
+    return np.asarray(points + rng.normal(scale=NOISE, size=points.shape))
+
+
+@pytest.fixture(scope="module")
+def found(organ: vs.Organ, cloud: Floats) -> vs.Registered:
+    return organ.register(cloud, noise=NOISE)
+
+
+def test_points_of_weight_0_change_nothing_and_their_residuals_are_told(
+    organ: vs.Organ, cloud: Floats, found: vs.Registered
+) -> None:
+    """More points on a tool than on the organ, mixed with them."""
+    rng = np.random.default_rng(5)
+    tool = rng.uniform(-0.1, 0.1, size=(1000, 3)) + (cloud.mean(axis=0) - [0.0, 0.3, 0.0])
+    order = rng.permutation(1800)
+    counts = order < 800
+    mixed = np.concatenate([cloud, tool])[order]
+    with_tool = organ.register(mixed, weights=counts.astype(float), noise=NOISE)
+    alone = organ.register(mixed[counts], noise=NOISE)
+    assert np.array_equal(with_tool.displacement, alone.displacement)
+    assert np.array_equal(with_tool.band, alone.band)
+    assert with_tool.status == alone.status
+    assert with_tool.coverage == alone.coverage
+    assert np.array_equal(with_tool.residual[counts], alone.residual)
+    assert np.array_equal(with_tool.is_inlier[counts], alone.is_inlier)
+    assert np.abs(with_tool.residual[~counts]).min() > 0.05
+    assert not with_tool.is_inlier[~counts].any()
+    assert np.abs(alone.displacement - found.displacement).max() < 1e-3, "the order of points hardly matters"
+
+
+def test_points_of_little_weight_hardly_pull(organ: vs.Organ, cloud: Floats, found: vs.Registered) -> None:
+    """A sheet over the organ, of more points than the organ's own."""
+    sheet = np.repeat(cloud, 2, axis=0) + MOVED.rotation @ [0.0, -0.02, 0.02]
+    weights = np.concatenate([np.ones(len(cloud)), np.full(len(sheet), 1e-3)])
+    with_sheet = organ.register(np.concatenate([cloud, sheet]), weights=weights, noise=NOISE)
+    assert with_sheet.is_converged, with_sheet.message
+    assert np.linalg.norm(with_sheet.displacement - found.displacement, axis=1).max() < 3e-3
+    assert with_sheet.is_inlier[: len(cloud)].mean() > 0.95
+    assert with_sheet.is_inlier[len(cloud) :].mean() < 0.05
+
+
+def test_too_few_points_count(organ: vs.Organ, cloud: Floats) -> None:
+    with pytest.raises(vs.VisceraError, match="19 surface points, beside 781 of weight 0, are too few"):
+        organ.register(cloud, weights=(np.arange(800) < 19).astype(float))
+
+
+def test_the_spread_is_that_of_the_median_and_weights_count_like_copies() -> None:
+    rng = np.random.default_rng(0)
+    for count in (1, 2, 9, 10, 400):
+        residual, copies = rng.normal(size=count), rng.integers(0, 4, size=count)
+        copies[0] = 1
+        assert spread(residual, np.ones(count)) == pytest.approx(1.4826 * np.median(np.abs(residual)))
+        repeated = np.repeat(residual, copies)
+        assert spread(residual, copies.astype(float)) == pytest.approx(1.4826 * np.median(np.abs(repeated)))
