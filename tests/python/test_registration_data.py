@@ -11,6 +11,8 @@ from viscera.registration.rigid import Rigid, rotation_of, spread
 Floats = np.ndarray
 MOVED = Rigid(rotation_of(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.02, 0.04]))
 NOISE = 1e-3
+WAYS = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, -0.5, 1.0]])
+"""The organ reaches farthest in these directions where it has landmarks."""
 
 
 @pytest.fixture(scope="module")
@@ -93,3 +95,26 @@ def test_the_spread_is_that_of_the_median_and_weights_count_like_copies() -> Non
         assert spread(residual, np.ones(count)) == pytest.approx(1.4826 * np.median(np.abs(residual)))
         repeated = np.repeat(residual, copies)
         assert spread(residual, copies.astype(float)) == pytest.approx(1.4826 * np.median(np.abs(repeated)))
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.1, 0.02])
+def test_landmarks_fix_the_motion_of_an_organ_of_any_size(
+    organ: vs.Organ, truth: Floats, cloud: Floats, scale: float
+) -> None:
+    """Turned much farther than the search goes: without the landmarks it could not be found."""
+    mesh = organ.mesh
+    marks = {name: [int((mesh.points @ way).argmax())] for name, way in zip("abcd", WAYS, strict=True)}
+    small = vs.Organ(vs.mesh(scale * mesh.points, mesh.cells).with_sets(**mesh.sets, **marks), organ.law, fixed="hilum")
+    turn = rotation_of(np.array([0.8, 1.6, 2.4]))
+    now, points = scale * truth @ turn.T, scale * cloud @ turn.T
+    landmarks = {name: now[node[0]] for name, node in marks.items()}
+    for surface in (None, points):
+        found = small.register(surface, landmarks=landmarks, noise=scale * NOISE)
+        assert found.is_converged, found.message
+        error = np.linalg.norm(small.mesh.points + found.displacement - now, axis=1)
+        assert error.mean() < (0.02 if surface is None else 0.002) * scale
+        assert max(found.pair_residual.values()) < 3.0 * scale * NOISE
+    size = small.mesh.diagonal
+    line = small.mesh.points.mean(axis=0) + size * np.array([[-0.2, 0.0, 0.0], [0.0, 0.005, 0.0], [0.2, 0.0, 0.0]])
+    with pytest.raises(vs.VisceraError, match="3 landmarks and points do not fix a rigid motion"):
+        small.register(points=(line, 0.0 * line), noise=scale * NOISE)

@@ -17,6 +17,8 @@ from viscera.quantity import numbers_of, refused, vector
 LARGEST_CLOUD = 4.0
 """Diagonals of the organ; a cloud wider than that is of something else, or in another unit."""
 SMALLEST_CLOUD = 0.02
+BESIDE_LINE = 0.01
+"""Diagonals by which landmarks and points extend beside the line through most of them, to fix a rigid motion."""
 FEWEST = 20
 """Surface points by which an organ is looked for without landmarks."""
 LINE = 1e-3
@@ -43,6 +45,8 @@ class Observed:
     """Standard deviation of the surface points [m] along each axis."""
     pair_noise: Floats
     """The same of landmarks and points (l,)."""
+    size: float
+    """Diagonal of the organ at rest [m]."""
 
     def counted(self) -> Observed:
         """The same without surface points of weight 0, of which a fit is to know nothing."""
@@ -51,10 +55,12 @@ class Observed:
 
     @property
     def fixes_motion(self) -> bool:
-        """Whether landmarks and points alone fix a rigid motion: three that are not on a line."""
+        """Whether landmarks and points alone fix a rigid motion: three that are not on a line, for the organ's size."""
         if len(self.places) < 3:
             return False
-        return bool(np.linalg.svd(self.places - self.places.mean(axis=0), compute_uv=False)[1] > 5e-3)
+        return bool(
+            np.linalg.svd(self.places - self.places.mean(axis=0), compute_uv=False)[1] > BESIDE_LINE * self.size
+        )
 
 
 def observed(
@@ -90,7 +96,8 @@ def observed(
     places = np.array([weights @ mesh.points[nodes] for nodes, weights in members]).reshape(-1, 3)
     if not len(cloud) and not len(places):
         raise VisceraError("nothing was measured: give surface points, landmarks or points with displacements")
-    seen = Observed(cloud, share, places, tuple(members), measured, names, noise, np.full(len(places), landmark_noise))
+    pair_noise = np.full(len(places), landmark_noise)
+    seen = Observed(cloud, share, places, tuple(members), measured, names, noise, pair_noise, mesh.diagonal)
     if not len(cloud) and not seen.fixes_motion:
         raise VisceraError(
             f"{len(places)} landmarks and points do not fix a rigid motion; give three that are not on a line, or "
