@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.registration import observed
 from viscera.registration.rigid import Rigid, rotation_of, spread
 
 Floats = np.ndarray
@@ -118,3 +119,42 @@ def test_landmarks_fix_the_motion_of_an_organ_of_any_size(
     line = small.mesh.points.mean(axis=0) + size * np.array([[-0.2, 0.0, 0.0], [0.0, 0.005, 0.0], [0.2, 0.0, 0.0]])
     with pytest.raises(vs.VisceraError, match="3 landmarks and points do not fix a rigid motion"):
         small.register(points=(line, 0.0 * line), noise=scale * NOISE)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 100.0, 25.4, 1e-3])
+@pytest.mark.parametrize("names", [("tip",), ("tip", "hilum"), ("tip", "hilum", "left", "right")])
+def test_landmarks_in_another_unit_than_the_cloud_are_refused(
+    organ: vs.Organ, truth: Floats, cloud: Floats, factor: float, names: tuple[str, ...]
+) -> None:
+    """One is known by its distance from the cloud, several by those from each other too."""
+    x = organ.mesh.points
+    mesh = organ.mesh.with_sets(left=[int(x[:, 1].argmin())], right=[int(x[:, 2].argmax())])
+    table = np.array([0.8, 0.2, 0.4])  # from the origin of the theatre's axes
+    marks = {name: table + truth[mesh.sets[name]].mean(axis=0) for name in names}
+    given = {"mesh": mesh, "surface": table + cloud, "weights": None, "points": None, "noise": NOISE}
+    observed(landmarks=marks, landmark_noise=NOISE, **given)
+    with pytest.raises(vs.VisceraError, match=r"'(tip|hilum|left|right)' was measured .* are both in metres"):
+        observed(landmarks={name: factor * place for name, place in marks.items()}, landmark_noise=NOISE, **given)
+
+
+def test_points_in_another_unit_are_refused_without_a_cloud_too(organ: vs.Organ, truth: Floats) -> None:
+    at = organ.mesh.points[::40]
+    moved = truth[::40] - at
+    given = {"mesh": organ.mesh, "weights": None, "landmarks": None, "noise": NOISE, "landmark_noise": NOISE}
+    observed(surface=None, points=(at, moved), **given)
+    with pytest.raises(vs.VisceraError, match=r"'point [0-9]+' was measured .* are both in metres"):
+        observed(surface=None, points=(at, 1e3 * moved), **given)
+
+
+def test_landmarks_of_what_is_much_deformed_are_taken() -> None:
+    """A beam's ends that almost meet, or lie twice as far apart, and two landmarks lost in their noise."""
+    mesh = vs.organs.beam()
+    middle = np.linalg.norm(mesh.points - mesh.points.mean(axis=0), axis=1).argsort()[:2]
+    mesh = mesh.with_sets(here=middle[:1], there=middle[1:])
+    cloud = np.random.default_rng(0).uniform(-0.5, 0.5, size=(100, 3))
+    for marks in (
+        {"clamp": (0.0, 0.0, 0.0), "tip": (0.1, 0.0, 0.0)},
+        {"clamp": (0.0, 0.0, 0.0), "tip": (2.0, 0.0, 0.0)},
+        {"here": (0.0, 0.0, 0.0), "there": (0.3, 0.0, 0.0)},
+    ):
+        assert observed(mesh, cloud, None, marks, None, NOISE, NOISE).labels == tuple(marks)

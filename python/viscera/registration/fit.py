@@ -106,8 +106,7 @@ class _Result:
         pairs: dict[str, float] = {}
         if self.seen.members:
             gaps = np.linalg.norm(motion.back(self.seen.measured) - self.equations.means(x), axis=1)
-            names = [*self.seen.names, *(f"point {k}" for k in range(len(gaps) - len(self.seen.names)))]
-            pairs = dict(zip(names, gaps.tolist(), strict=True))
+            pairs = dict(zip(self.seen.labels, gaps.tolist(), strict=True))
         covariance = self._covariance(at, x)
         prior = np.einsum("nim,mk,nik->n", at.responses, np.linalg.inv(at.prior), at.responses, optimize=True)
         known = np.trace(covariance, axis1=1, axis2=2)

@@ -17,6 +17,12 @@ from viscera.quantity import numbers_of, refused, vector
 LARGEST_CLOUD = 4.0
 """Diagonals of the organ; a cloud wider than that is of something else, or in another unit."""
 SMALLEST_CLOUD = 0.02
+LONGEST, SHORTEST = 4.0, 0.02
+"""Distances of landmarks and points from their middle over those at rest; beyond these they are in another unit."""
+CLOSE = 0.1
+"""Diagonals within which noise may move landmarks apart so many times as far."""
+BESIDE_CLOUD = 2.0
+"""Diagonals between a landmark and the cloud."""
 BESIDE_LINE = 0.01
 """Diagonals by which landmarks and points extend beside the line through most of them, to fix a rigid motion."""
 FEWEST = 20
@@ -47,6 +53,11 @@ class Observed:
     """The same of landmarks and points (l,)."""
     size: float
     """Diagonal of the organ at rest [m]."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What landmarks and points (l,) are called in results and messages."""
+        return (*self.names, *(f"point {k}" for k in range(len(self.places) - len(self.names))))
 
     def counted(self) -> Observed:
         """The same without surface points of weight 0, of which a fit is to know nothing."""
@@ -111,7 +122,7 @@ def observed(
             f"{len(counted.surface)} surface points{beside} are too few to find the organ by; give {FEWEST}, or three "
             "landmarks"
         )
-    _check_extent(mesh, counted)
+    _check_extent(counted)
     return seen
 
 
@@ -167,8 +178,10 @@ def _within(mesh: Mesh, places: Floats) -> list[tuple[NDArray[np.int64], Floats]
     return found
 
 
-def _check_extent(mesh: Mesh, seen: Observed) -> None:
+def _check_extent(seen: Observed) -> None:
     """Raise `VisceraError` if what was measured fixes no turn, or cannot be this organ in metres."""
+    if len(seen.places):
+        _check_pairs(seen)
     everything: Any = np.concatenate([seen.surface, seen.measured])
     arms = everything - everything.mean(axis=0)
     _, width, length = np.linalg.eigvalsh(arms.T @ arms)
@@ -177,8 +190,40 @@ def _check_extent(mesh: Mesh, seen: Observed) -> None:
             f"what was measured, {len(everything)} points, lies on one line or in one place, about which the organ may "
             "be turned in any way; add points beside it"
         )
-    size = float(np.linalg.norm(np.subtract(*np.percentile(everything, [95, 5], axis=0))))
-    if not SMALLEST_CLOUD * mesh.diagonal < size < LARGEST_CLOUD * mesh.diagonal:
+    # Fewer points, beside landmarks that fix the motion, may lie close together.
+    if len(seen.surface) < FEWEST:
+        return
+    size = float(np.linalg.norm(np.subtract(*_box(seen.surface))))
+    if not SMALLEST_CLOUD * seen.size < size < LARGEST_CLOUD * seen.size:
         raise VisceraError(
-            f"what was measured extends over {size:.3g} m and the organ over {mesh.diagonal:.3g} m; are both in metres?"
+            f"what was measured extends over {size:.3g} m and the organ over {seen.size:.3g} m; are both in metres?"
         )
+
+
+def _check_pairs(seen: Observed) -> None:
+    """Raise `VisceraError` if landmarks and points are as far from each other, or from the cloud, as no organ is.
+
+    Beside a cloud their unit is a matter of its own: thousands of points hide that a few are in another one.
+    """
+    now, rest = (np.linalg.norm(x - x.mean(axis=0), axis=1) for x in (seen.measured, seen.places))
+    far, most = int(now.argmax()), float(rest.max())
+    if not SHORTEST * most <= now[far] <= LONGEST * max(most, CLOSE * seen.size):
+        raise VisceraError(
+            f"{seen.labels[far]!r} was measured {now[far]:.3g} m from the middle of landmarks and points, which lie up "
+            f"to {most:.3g} m from it at rest; are both in metres?"
+        )
+    if not len(seen.surface):
+        return
+    high, low = _box(seen.surface)
+    away = np.linalg.norm(np.clip(seen.measured, low, high) - seen.measured, axis=1)
+    far = int(away.argmax())
+    if away[far] > BESIDE_CLOUD * seen.size:
+        raise VisceraError(
+            f"{seen.labels[far]!r} was measured {away[far]:.3g} m from the surface points, and the organ extends over "
+            f"{seen.size:.3g} m; are both in metres?"
+        )
+
+
+def _box(points: Floats) -> Any:
+    """The upper and the lower corner of a box around points (k, 3), without the outermost twentieth on each side."""
+    return np.percentile(points, [95, 5], axis=0)
