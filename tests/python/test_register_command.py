@@ -73,6 +73,36 @@ def test_an_organ_is_found_from_files(folder: Path, capsys: pytest.CaptureFixtur
     assert np.ptp(vs.statefile.read(shape)[1][:, 2]) > 0.05
 
 
+def test_a_poor_fit_fails(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Points with much more noise than is said; the result is written all the same."""
+    cloud = np.loadtxt(folder / "cloud.csv", delimiter=",", skiprows=1)
+    cloud += np.random.default_rng(1).normal(scale=6.0, size=cloud.shape)
+    np.savetxt(folder / "noisy.csv", cloud, delimiter=", ", header="x, y, z", comments="")
+    case, noisy, marks, facts, found = (
+        str(folder / name) for name in ("beam.toml", "noisy.csv", "marks.csv", "poor.json", "poor.vtu")
+    )
+    words = [
+        "--units",
+        "mm",
+        "--noise",
+        "1mm",
+        "--visible",
+        "z > 99%",
+        "--landmarks",
+        marks,
+        "--json",
+        facts,
+        "-o",
+        found,
+    ]
+    assert cli.main(["register", case, noisy, *words]) == 1
+    told = json.loads(Path(facts).read_text(encoding="utf-8"))
+    assert told["status"] == "poor fit"
+    assert told["misfit"] > 2.0
+    assert "do not trust the band" in capsys.readouterr().out
+    assert Path(found).exists()
+
+
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     assert cli.main(["register", *words]) == 2
     return capsys.readouterr().err

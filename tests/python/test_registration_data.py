@@ -36,13 +36,17 @@ def truth(organ: vs.Organ) -> Floats:
 
 @pytest.fixture(scope="module")
 def cloud(organ: vs.Organ, truth: Floats) -> Floats:
-    """Noisy points on all of the front."""
+    return points_on_front(organ, truth, NOISE)
+
+
+def points_on_front(organ: vs.Organ, truth: Floats, noise: float) -> Floats:
+    """Points (800, 3) [m] on all of the front."""
     rng = np.random.default_rng(3)
     rest = organ.mesh.points[organ.mesh.surface]
     facing = np.cross(rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0]) @ [0.0, -0.75, 0.66]
     seen = organ.mesh.surface[(facing > 0.0) & (rest.mean(axis=1)[:, 1] < 0.03)]
     points = np.einsum("ka,kai->ki", rng.dirichlet(np.ones(3), size=800), truth[rng.choice(seen, size=800)])
-    return np.asarray(points + rng.normal(scale=NOISE, size=points.shape))
+    return np.asarray(points + rng.normal(scale=noise, size=points.shape))
 
 
 @pytest.fixture(scope="module")
@@ -158,3 +162,30 @@ def test_landmarks_of_what_is_much_deformed_are_taken() -> None:
         {"here": (0.0, 0.0, 0.0), "there": (0.3, 0.0, 0.0)},
     ):
         assert observed(mesh, cloud, None, marks, None, NOISE, NOISE).labels == tuple(marks)
+
+
+def test_a_cloud_that_the_organ_does_not_fit_is_told(
+    organ: vs.Organ, truth: Floats, cloud: Floats, found: vs.Registered
+) -> None:
+    """A mirrored one, one that is too large, and one that is noisier than was said."""
+    assert 0.7 < found.misfit < 1.3
+    assert not found.is_poor_fit
+    middle, noise = cloud.mean(axis=0), np.random.default_rng(1).normal(scale=2.5 * NOISE, size=cloud.shape)
+    mirrored = points_on_front(organ, truth, 0.5 * NOISE) * [-1.0, 1.0, 1.0]
+    for wrong, told in ((mirrored, 0.5), (middle + 1.4 * (cloud - middle), 1.0), (cloud + noise, 1.0)):
+        poor = organ.register(wrong, noise=told * NOISE)
+        assert poor.is_poor_fit, poor.misfit
+        assert poor.status in ("poor fit", "not converged")
+        assert not poor.is_converged or "do not trust the band" in poor.message
+
+
+def test_a_noise_that_weights_tell_of_is_no_misfit(organ: vs.Organ, cloud: Floats) -> None:
+    """Half of the points have four times the noise, and a sixteenth of the weight; 30 % of all are outliers."""
+    rng = np.random.default_rng(2)
+    noisy = cloud.copy()
+    noisy[::2] += np.sqrt(15.0) * rng.normal(scale=NOISE, size=noisy[::2].shape)
+    noisy[:240] += rng.uniform(-0.03, 0.03, size=(240, 3))
+    weights = np.where(np.arange(len(cloud)) % 2, 1.0, 1.0 / 16.0)
+    told = organ.register(noisy, weights=weights, noise=NOISE)
+    assert told.is_converged, told.message
+    assert told.misfit < 1.3

@@ -2,7 +2,8 @@
 
 viscera register CASE.toml cloud.ply --units mm --noise 2mm -o now.vtu
 The case names mesh, material and fixed nodes; its loads play no part. What moved the organ is unknown: mostly one
-cause, a pressure, a pull or its weight. Fails (exit 1) if the registration did not converge.
+cause, a pressure, a pull or its weight. Fails (exit 1) if the registration did not converge, or if the organ fits the
+points so poorly that its band is not to be trusted.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         if path is not None:
             result.write(path)
             output.say(f"  written to {path}: {statefile.contents(path)}")
-    return Outcome(found.status, DONE if found.is_converged else FAILED, facts)
+    return Outcome(found.status, DONE if found.is_converged and not found.is_poor_fit else FAILED, facts)
 
 
 def _say(found: Registered, facts: dict[str, Any], output: Output) -> None:
@@ -114,6 +115,7 @@ def _facts(found: Registered) -> dict[str, Any]:
         "inlier_share": float(found.is_inlier.mean()) if len(found.is_inlier) else None,
         "landmarks": found.pair_residual,
         "coverage": found.coverage,
+        "misfit": found.misfit if len(inliers) else None,
         "observed_share": float(seen.mean()),
         "band": float(np.median(found.band[seen])) if seen.any() else None,
         "iterations": found.iterations,

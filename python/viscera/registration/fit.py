@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices
-from viscera.registration.equations import Equations, Iterate
+from viscera.registration.equations import WRONG, Equations, Iterate
 from viscera.registration.forces import Forces
 from viscera.registration.observed import Observed
 from viscera.registration.onecause import STEPS, OneCause
@@ -96,13 +96,14 @@ class _Result:
         state = self.organ.solve(force=force, start=at.displacement, settings={"tolerance": NEARLY})
         x = mesh.points + at.displacement
         shape = Shape(x, self.visible)
-        residual, inside, coverage = np.empty(0), np.empty(0, dtype=bool), 0.0
+        residual, inside, coverage, misfit = np.empty(0), np.empty(0, dtype=bool), 0.0, np.nan
         if len(self.seen.surface):
             z = motion.back(self.seen.surface)
             triangles, _, _, p, normal = shape.closest(z)
             residual = np.copysign(np.linalg.norm(z - p, axis=1), np.einsum("ki,ki->k", normal, z - p))
             inside = np.abs(residual) < TUKEY * max(spread(residual, self.seen.weights), 1e-6)
             coverage = self._coverage(triangles[inside], self.seen.weights[inside])
+            misfit = self._misfit(residual[inside], self.seen.weights[inside])
         pairs: dict[str, float] = {}
         if self.seen.members:
             gaps = np.linalg.norm(motion.back(self.seen.measured) - self.equations.means(x), axis=1)
@@ -121,6 +122,7 @@ class _Result:
             band=band_of(LINEARISED**2 * covariance, wrong_by_model(mesh.points, at.displacement)),
             observed=known < 0.25 * (prior + 1e-30),
             coverage=coverage,
+            misfit=misfit,
             nodal_force=force,
             iterations=at.iterations,
             is_settled=not message,
@@ -135,6 +137,13 @@ class _Result:
         ones = np.broadcast_to(np.eye(3), lever.shape)
         rows = np.concatenate([lever, ones, at.responses], axis=2) @ root
         return np.asarray(rows @ rows.transpose(0, 2, 1))
+
+    def _misfit(self, residual: Floats, weights: Floats) -> float:
+        """Spread of residuals (k,) [m] over their standard deviation: noise, sigma / sqrt(w), and the model's error."""
+        counts = weights > 0.0
+        residual, weights = residual[counts], weights[counts]
+        explained = np.hypot(self.seen.noise / np.sqrt(weights), WRONG * self.seen.size)
+        return spread(residual / explained, weights)
 
     def _coverage(self, triangles: NDArray[np.int64], weights: Floats) -> float:
         """Share of the surface with points (k,) on it; few beside many are taken for scatter past its edge."""
