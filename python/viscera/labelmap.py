@@ -12,7 +12,6 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.quantity import numbers_of, refused
 
-
 ROUNDING = 1e-6
 """Of labels that a file keeps as multiples of a number such as 1/3, in single precision."""
 
