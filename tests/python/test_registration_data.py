@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -135,7 +137,7 @@ def test_landmarks_in_another_unit_than_the_cloud_are_refused(
     mesh = organ.mesh.with_sets(left=[int(x[:, 1].argmin())], right=[int(x[:, 2].argmax())])
     table = np.array([0.8, 0.2, 0.4])  # from the origin of the theatre's axes
     marks = {name: table + truth[mesh.sets[name]].mean(axis=0) for name in names}
-    given = {"mesh": mesh, "surface": table + cloud, "weights": None, "points": None, "noise": NOISE}
+    given: dict[str, Any] = {"mesh": mesh, "surface": table + cloud, "weights": None, "points": None, "noise": NOISE}
     observed(landmarks=marks, landmark_noise=NOISE, **given)
     with pytest.raises(vs.VisceraError, match=r"'(tip|hilum|left|right)' was measured .* are both in metres"):
         observed(landmarks={name: factor * place for name, place in marks.items()}, landmark_noise=NOISE, **given)
@@ -144,7 +146,13 @@ def test_landmarks_in_another_unit_than_the_cloud_are_refused(
 def test_points_in_another_unit_are_refused_without_a_cloud_too(organ: vs.Organ, truth: Floats) -> None:
     at = organ.mesh.points[::40]
     moved = truth[::40] - at
-    given = {"mesh": organ.mesh, "weights": None, "landmarks": None, "noise": NOISE, "landmark_noise": NOISE}
+    given: dict[str, Any] = {
+        "mesh": organ.mesh,
+        "weights": None,
+        "landmarks": None,
+        "noise": NOISE,
+        "landmark_noise": NOISE,
+    }
     observed(surface=None, points=(at, moved), **given)
     with pytest.raises(vs.VisceraError, match=r"'point [0-9]+' was measured .* are both in metres"):
         observed(surface=None, points=(at, 1e3 * moved), **given)
