@@ -121,6 +121,7 @@ def test_landmarks_fix_the_motion_of_an_organ_of_any_size(
         error = np.linalg.norm(small.mesh.points + found.displacement - now, axis=1)
         assert error.mean() < (0.02 if surface is None else 0.002) * scale
         assert max(found.pair_residual.values()) < 3.0 * scale * NOISE
+        assert (found.misfit is None) == (surface is None)
     size = small.mesh.diagonal
     line = small.mesh.points.mean(axis=0) + size * np.array([[-0.2, 0.0, 0.0], [0.0, 0.005, 0.0], [0.2, 0.0, 0.0]])
     with pytest.raises(vs.VisceraError, match="3 landmarks and points do not fix a rigid motion"):
@@ -176,7 +177,7 @@ def test_a_cloud_that_the_organ_does_not_fit_is_told(
     organ: vs.Organ, truth: Floats, cloud: Floats, found: vs.Registered
 ) -> None:
     """A mirrored one, one that is too large, and one that is noisier than was said."""
-    assert 0.7 < found.misfit < 1.3
+    assert 0.7 < (found.misfit or 0.0) < 1.3
     assert not found.is_poor_fit
     middle, noise = cloud.mean(axis=0), np.random.default_rng(1).normal(scale=2.5 * NOISE, size=cloud.shape)
     mirrored = points_on_front(organ, truth, 0.5 * NOISE) * [-1.0, 1.0, 1.0]
@@ -196,4 +197,4 @@ def test_a_noise_that_weights_tell_of_is_no_misfit(organ: vs.Organ, cloud: Float
     weights = np.where(np.arange(len(cloud)) % 2, 1.0, 1.0 / 16.0)
     told = organ.register(noisy, weights=weights, noise=NOISE)
     assert told.is_converged, told.message
-    assert told.misfit < 1.3
+    assert (told.misfit or 9.0) < 1.3

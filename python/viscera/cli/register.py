@@ -115,7 +115,7 @@ def _facts(found: Registered) -> dict[str, Any]:
         "inlier_share": float(found.is_inlier.mean()) if len(found.is_inlier) else None,
         "landmarks": found.pair_residual,
         "coverage": found.coverage,
-        "misfit": found.misfit if len(inliers) else None,
+        "misfit": found.misfit,
         "observed_share": float(seen.mean()),
         "band": float(np.median(found.band[seen])) if seen.any() else None,
         "iterations": found.iterations,

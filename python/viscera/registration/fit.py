@@ -96,7 +96,8 @@ class _Result:
         state = self.organ.solve(force=force, start=at.displacement, settings={"tolerance": NEARLY})
         x = mesh.points + at.displacement
         shape = Shape(x, self.visible)
-        residual, inside, coverage, misfit = np.empty(0), np.empty(0, dtype=bool), 0.0, np.nan
+        residual, inside, coverage = np.empty(0), np.empty(0, dtype=bool), 0.0
+        misfit: float | None = None
         if len(self.seen.surface):
             z = motion.back(self.seen.surface)
             triangles, _, _, p, normal = shape.closest(z)

@@ -59,7 +59,7 @@ class Registered(Deformed, Pictured):
         band: Floats,
         observed: NDArray[np.bool_],
         coverage: float,
-        misfit: float,
+        misfit: float | None,
         nodal_force: Floats,
         iterations: int,
         is_settled: bool,
@@ -91,8 +91,8 @@ class Registered(Deformed, Pictured):
         self.coverage = coverage
         """Share of the surface that the measured points lie on."""
         self.misfit = misfit
-        """Distance of the inliers from the organ, over what their noise and the error of the model explain; nan without
-        surface points."""
+        """Distance of the inliers from the organ, over what their noise and the error of the model explain; None
+        without surface points."""
         self.nodal_force = nodal_force
         """Nodal forces (n, 3) [N] of the fit, in the organ's axes, proportional to the stiffness of the law."""
         self.iterations = iterations
@@ -114,10 +114,10 @@ class Registered(Deformed, Pictured):
     @property
     def is_poor_fit(self) -> bool:
         """Whether the points lie farther from the organ than noise and model explain: the band is not to be trusted."""
-        return self.misfit > MISFIT
+        return self.misfit is not None and self.misfit > MISFIT
 
     def _unexplained(self) -> str:
-        if not self.is_poor_fit:
+        if self.misfit is None or not self.is_poor_fit:
             return ""
         return (
             f"the points of the organ lie {self.misfit:.1f} times as far from it as noise and model explain; do not "
