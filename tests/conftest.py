@@ -134,3 +134,19 @@ def shared() -> Path:
     if not (folder / "reference").is_dir():
         pytest.skip(f"no reference material in {folder}; name its folder in VISCERA_SHARED")
     return folder
+
+
+def coarse_liver(edge: float) -> vs.Organ:
+    """The built-in liver in cells with such edges [m], with node sets `hilum`, where it is fixed, and `tip`."""
+    liver = vs.organs.liver()
+    coarse = vs.mesh_surface((liver.points, liver.surface), edge=edge)
+    near = np.linalg.norm(coarse.points[:, None] - liver.points[liver.sets["hilum"]], axis=2).min(axis=1)
+    mesh = coarse.with_sets(hilum=np.flatnonzero(near < 0.01), tip=np.flatnonzero(coarse.points[:, 0] > 0.095))
+    return vs.Organ(mesh, vs.NeoHookean(young=6e3, poisson=0.45), fixed="hilum")
+
+
+def front_of_liver(mesh: vs.Mesh) -> NDArray[np.uint32]:
+    """Triangles of the liver's surface that a camera in front of it sees."""
+    rest = mesh.points[mesh.surface]
+    facing = np.cross(rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0]) @ [0.0, -0.75, 0.66]
+    return np.asarray(mesh.surface[(facing > 0.0) & (rest.mean(axis=1)[:, 1] < 0.03)])

@@ -33,7 +33,7 @@ EVERY = 0.1
 KEPT = 2
 """Number of shared objects that a worker keeps: memory is bounded, and two studies may take turns."""
 
-_UNTRAVELLED = (pickle.PicklingError, AttributeError, TypeError)
+_UNPICKLABLE = (pickle.PicklingError, AttributeError, TypeError)
 """What pickle raises where it cannot take a value."""
 
 _is_fork = False
@@ -176,7 +176,7 @@ class _Sender:
                 f"a worker died, and its executor has no other ({error}); Dask replaces workers, and with checkpoint= "
                 "the same call continues from the finished batches"
             ) from error
-        except _UNTRAVELLED as error:
+        except _UNPICKLABLE as error:
             if not any(frame.f_code is _do.__code__ for frame, _ in walk_tb(error.__traceback__)):
                 _dumped(self._work, "the work")
                 _dumped(task, f"task {number}")
@@ -187,7 +187,7 @@ def _dumped(value: Any, name: str) -> bytes:
     """The value as it travels to a worker."""
     try:
         return pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
-    except _UNTRAVELLED as error:
+    except _UNPICKLABLE as error:
         raise VisceraError(
             f"{name} cannot travel to another process ({error}): a function must stand at the top of a module, "
             "so no lambda and none within another; or take threads"

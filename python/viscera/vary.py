@@ -122,14 +122,14 @@ class Vary:
                 return organ
             return organ.with_law(law_at(organ.law, self.name, value, cells, len(organ.mesh.cells)))
 
-        if any(not np.array_equal(at(end)._ties.stiffness, organ._ties.stiffness) for end in (low, high)):
-            raise VisceraError(
-                f"bonds are as stiff as the law of their organs asks for, so they change with {self.name}, and a "
-                "reduced model keeps one stiffness of them; make a model for each value"
-            )
-
         def member(value: float) -> tuple[float, Any, float]:
-            return float(value), at(value)._body, float(value) if self.name == "radius" else radius
+            there = at(value)
+            if not np.array_equal(there._ties.stiffness, organ._ties.stiffness):
+                raise VisceraError(
+                    f"bonds are as stiff as the law of their organs asks for, so they change with {self.name}, and a "
+                    "reduced model keeps one stiffness of them; make a model for each value"
+                )
+            return float(value), there._body, float(value) if self.name == "radius" else radius
 
         return at(value), {
             "name": self.name,

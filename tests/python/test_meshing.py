@@ -326,7 +326,7 @@ def test_whoever_watches_can_end_it(liver: vs.Scan) -> None:
         liver.mesh(1, edge=0.02, progress=watch)
 
 
-def test_directions_of_a_vector_image_become_those_of_cells(tmp_path: Path) -> None:
+def test_directions_of_a_vector_image_become_those_of_cells(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     ball = vs.Scan(np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) < 9.0, VOXEL * np.eye(3, 4))
     mesh = ball.mesh(1, edge=0.008)
     place = np.moveaxis(np.indices((24, 24, 24)), 0, -1) * VOXEL - 11.5 * VOXEL
@@ -346,6 +346,11 @@ def test_directions_of_a_vector_image_become_those_of_cells(tmp_path: Path) -> N
     affine = np.vstack([1e3 * ball.affine, [0, 0, 0, 1]])
     nibabel.save(nibabel.Nifti1Image(around[:, :, :, None, :].astype(np.float32), affine), tmp_path / "fibres.nii")
     assert np.allclose(np.abs(vs.image_fibres(mesh, tmp_path / "fibres.nii")), np.abs(fibres), atol=1e-4)
+    assert np.allclose(vs.image_fibres(mesh, (1e200 * around, ball.affine)), fibres)
+    plain = vs.mesh(mesh.points, mesh.cells)
+    caplog.clear()
+    vs.image_fibres(plain, tmp_path / "fibres.nii")
+    assert "the mesh states no world axes; they are taken for RAS" in caplog.text
     with pytest.raises(vs.VisceraError, match="lie outside image 1 of fibres"):
         vs.image_fibres(mesh, (around[:12], ball.affine))
     with pytest.raises(vs.VisceraError, match="has no direction around"):

@@ -8,6 +8,7 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+from tests.conftest import coarse_liver, front_of_liver
 
 import viscera as vs
 from viscera import _core
@@ -33,13 +34,7 @@ NOISE = 1e-3
 
 @pytest.fixture(scope="module")
 def organ() -> vs.Organ:
-    """The built-in liver with few cells."""
-    liver = vs.organs.liver()
-    coarse = vs.mesh_surface((liver.points, liver.surface), edge=0.022)
-    near = np.linalg.norm(coarse.points[:, None] - liver.points[liver.sets["hilum"]], axis=2).min(axis=1)
-    tip = coarse.points[:, 0] > 0.095
-    mesh = coarse.with_sets(hilum=np.flatnonzero(near < 0.01), tip=np.flatnonzero(tip))
-    return vs.Organ(mesh, vs.NeoHookean(young=6e3, poisson=0.45), fixed="hilum")
+    return coarse_liver(edge=0.022)
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +48,7 @@ def truth(organ: vs.Organ) -> Floats:
 def cloud(organ: vs.Organ, truth: Floats) -> Floats:
     """Noisy points on what is seen from the front, and some that are not the organ's."""
     rng = np.random.default_rng(3)
-    rest = organ.mesh.points[organ.mesh.surface]
-    facing = np.cross(rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0]) @ [0.0, -0.75, 0.66]
-    seen = organ.mesh.surface[(facing > 0.0) & (rest.mean(axis=1)[:, 1] < 0.03)]
+    seen = front_of_liver(organ.mesh)
     corners = truth[seen]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     chosen = rng.choice(len(seen), size=1500, p=area / area.sum())

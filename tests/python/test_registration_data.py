@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.conftest import coarse_liver, front_of_liver
 
 import viscera as vs
 from viscera.registration import observed
@@ -20,13 +21,7 @@ WAYS = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, -0.5,
 
 @pytest.fixture(scope="module")
 def organ() -> vs.Organ:
-    """The built-in liver with few cells."""
-    liver = vs.organs.liver()
-    coarse = vs.mesh_surface((liver.points, liver.surface), edge=0.025)
-    near = np.linalg.norm(coarse.points[:, None] - liver.points[liver.sets["hilum"]], axis=2).min(axis=1)
-    tip = coarse.points[:, 0] > 0.095
-    mesh = coarse.with_sets(hilum=np.flatnonzero(near < 0.01), tip=np.flatnonzero(tip))
-    return vs.Organ(mesh, vs.NeoHookean(young=6e3, poisson=0.45), fixed="hilum")
+    return coarse_liver(edge=0.025)
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +39,7 @@ def cloud(organ: vs.Organ, truth: Floats) -> Floats:
 def points_on_front(organ: vs.Organ, truth: Floats, noise: float) -> Floats:
     """Points (800, 3) [m] on all of the front."""
     rng = np.random.default_rng(3)
-    rest = organ.mesh.points[organ.mesh.surface]
-    facing = np.cross(rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0]) @ [0.0, -0.75, 0.66]
-    seen = organ.mesh.surface[(facing > 0.0) & (rest.mean(axis=1)[:, 1] < 0.03)]
+    seen = front_of_liver(organ.mesh)
     points = np.einsum("ka,kai->ki", rng.dirichlet(np.ones(3), size=800), truth[rng.choice(seen, size=800)])
     return np.asarray(points + rng.normal(scale=noise, size=points.shape))
 

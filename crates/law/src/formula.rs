@@ -61,10 +61,11 @@ impl Tapes {
 /// The exponent of `J` in the squared stretch of every direction of a dilatation.
 const LIKE_ALL: f64 = 2.0 / 3.0;
 
-/// Largest exponent of a family of fibres, and the part of `psi_44 psi_66` below which two families count as one.
-const LARGEST: f64 = 2.0;
-/// See [`LARGEST`].
-const COUPLED: f64 = 1e-12;
+/// Largest exponent of `J` along a family of fibres.
+const LARGEST_EXPONENT: f64 = 2.0;
+
+/// The determinant of `psi_44, psi_46, psi_66` over `psi_44 psi_66`, up to which the energy feels both families as one.
+const ONE_FAMILY: f64 = 1e-12;
 
 /// A strain energy as an expression in the invariants, parsed from a text or recorded from a law.
 pub struct Formula {
@@ -159,9 +160,9 @@ impl Formula {
         let slopes = [2.0 * p14 + 4.0 * p24 + pJ4, 2.0 * p16 + 4.0 * p26 + pJ6];
         let determinant = p44 * p66 - p46 * p46;
         let both = p44 + 2.0 * p46 + p66;
-        let found = if !(p44 >= 0.0 && p66 >= 0.0 && determinant >= -COUPLED * p44 * p66) {
-            [LIKE_ALL; 2] // fibres that soften have no least
-        } else if determinant > COUPLED * p44 * p66 {
+        let found = if !(p44 >= 0.0 && p66 >= 0.0 && determinant >= -ONE_FAMILY * p44 * p66) {
+            [LIKE_ALL; 2] // where fibres soften there is no least energy
+        } else if determinant > ONE_FAMILY * p44 * p66 {
             [p46 * slopes[1] - p66 * slopes[0], p46 * slopes[0] - p44 * slopes[1]]
                 .map(|numerator| numerator / determinant)
         } else if p46 == 0.0 {
@@ -173,7 +174,7 @@ impl Formula {
         };
         found.map(|exponent| {
             let known = [0.0, LIKE_ALL].into_iter().find(|e| (exponent - e).abs() < 1e-9);
-            known.unwrap_or(exponent.clamp(-LARGEST, LARGEST))
+            known.unwrap_or(exponent.clamp(-LARGEST_EXPONENT, LARGEST_EXPONENT))
         })
     }
 

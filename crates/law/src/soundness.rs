@@ -44,7 +44,7 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     // A modulus that vanishes does so but for rounding.
     let least = AT_REST * (shear.abs() + bulk.abs());
     if !(shear > least && bulk > least) {
-        let why = lowers(material, row).map_or(String::new(), |why| format!(": {why}"));
+        let why = instability(material, row).map_or(String::new(), |why| format!(": {why}"));
         return refuse(format!(
             "shear modulus {shear:.6} Pa and bulk modulus {bulk:.6} Pa at rest; both must be positive{why}"
         ));
@@ -57,7 +57,7 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
              write I1bar for I1, or square I4 - 1"
         ));
     }
-    if let Some(why) = lowers(material, row) {
+    if let Some(why) = instability(material, row) {
         return refuse(why);
     }
     if !has_values(material, row) {
@@ -77,8 +77,8 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
 }
 
 /// A small strain that lowers the energy: the strain of 1 in the first component whose pivot of the stiffness at rest is not
-/// positive, with those before it such that they bear nothing. Told in a sentence.
-fn lowers(material: &Material, row: &[f64]) -> Option<String> {
+/// positive, with those before it such that they bear nothing. In a sentence.
+fn instability(material: &Material, row: &[f64]) -> Option<String> {
     let (_, tangent) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
     let strains =
         std::array::from_fn(|k| sub(&stretched(&component(k), 1.0), &stretched(&[0.0; 6], 0.0)));

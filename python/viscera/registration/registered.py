@@ -29,10 +29,8 @@ LINEARISED = 2.5
 """Standard deviations of places over those of the linearised problem, which knows no other shape that fits as well."""
 
 MISFIT = 1.5
-"""Largest `misfit` of a good fit. With the noise that was said and a mesh that is fine enough, it was at most 1.15 for
-twenty clouds, also with 40 % of outliers. A cloud of the built-in liver that is a tenth too large has 1.6. Where a mesh
-is so coarse that it has 1.8, the band holds 55 to 70 %. Chance takes 6 in 1000 good fits to 40 points beyond it, and
-hardly any to 100."""
+"""Largest `misfit` of a good fit. It is about 1 where noise and model are as was said, and scatters where points are
+few; a bound nearer to 1 would blame good fits, one farther away would let more clouds of another scale pass."""
 
 
 class Registered(Deformed, Pictured):
