@@ -36,6 +36,15 @@ pub fn among_threads<T: Send>(tasks: usize, work: impl FnOnce() -> T + Send) -> 
     }
 }
 
+/// What each task gives, in their order. There are several only where it is worth waking a thread.
+pub fn each<T: Send, R: Send>(tasks: Vec<T>, run: impl Fn(T) -> R + Send + Sync) -> Vec<R> {
+    if tasks.len() > 1 && rayon::current_num_threads() > 1 {
+        tasks.into_par_iter().map(run).collect()
+    } else {
+        tasks.into_iter().map(run).collect()
+    }
+}
+
 /// Runs every part of so many items, with its number. What a part does must not depend on who runs it.
 pub fn for_parts<T: Send>(items: &mut [T], length: usize, run: impl Fn(usize, &mut [T]) + Sync) {
     if share(items.len().div_ceil(length)) {

@@ -1,7 +1,7 @@
 //! The matrix of the next level, `Pᵀ A P`, in double precision. Threads share the columns of `A` by stretches, whose
 //! products are added one after the other, so that the sums do not depend on the number of threads.
 
-use super::blocks::Upper;
+use super::columns::Upper;
 use super::prolongation::{MODES, Prolongation};
 use crate::neighbours::Neighbours;
 use crate::threads::share;

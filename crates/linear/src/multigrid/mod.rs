@@ -9,16 +9,22 @@
 
 mod aggregates;
 mod blocks;
+mod columns;
 mod galerkin;
+mod order;
+mod parts;
 mod prolongation;
+mod sweeps;
 #[cfg(test)]
 mod tests;
 
 use super::neighbours::Neighbours;
 use super::{Cholesky, FactorError, Factorization, Pattern, conjugate_gradients as cg};
 use aggregates::Aggregates;
-use blocks::{Smoother, Upper};
+use blocks::Smoother;
+use columns::Upper;
 use galerkin::SQUARE;
+use parts::Parts;
 use prolongation::{MODES, Part, Prolongation, rigid_modes};
 
 /// Nodes up to which a level is solved by a factor.
@@ -79,21 +85,22 @@ impl Multigrid {
         points: &[[f64; 3]],
         pairs: impl Iterator<Item = (u32, u32)>,
     ) -> Result<Self, FactorError> {
-        Self::with_coarsest(COARSEST, points, pairs)
+        Self::with_levels(COARSEST, Parts::new, points, pairs)
     }
 
-    /// The same with levels down to so many nodes.
-    fn with_coarsest(
+    /// The same with levels down to so many nodes, each in parts of its own.
+    fn with_levels(
         n_coarsest: usize,
+        parts: impl Fn(&Upper) -> Parts,
         points: &[[f64; 3]],
         pairs: impl Iterator<Item = (u32, u32)>,
     ) -> Result<Self, FactorError> {
         let upper = Upper::new(points.len(), pairs)?;
-        let (finest, mut next) = Level::new(upper);
+        let (finest, mut next) = Level::new(upper, &parts);
         let (mut coarse, mut above) = (Vec::<Level<6, 8>>::new(), points.len());
         while next.n() > n_coarsest && (next.n() as f64) < SLOWEST * above as f64 {
             above = next.n();
-            let (level, below) = Level::new(next);
+            let (level, below) = Level::new(next, &parts);
             coarse.push(level);
             next = below;
         }
@@ -222,15 +229,17 @@ impl Multigrid {
 
 impl<const B: usize, const W: usize> Level<B, W> {
     /// With what is below it.
-    fn new(upper: Upper) -> (Self, Upper) {
+    fn new(upper: Upper, parts: impl Fn(&Upper) -> Parts) -> (Self, Upper) {
         let neighbours = Neighbours::new(upper.n(), upper.pairs());
         let aggregates = Aggregates::new(&neighbours);
-        let prolongation = Prolongation::new(&aggregates, &neighbours);
-        let coarse = galerkin::pattern(&prolongation, &neighbours);
         let zeros = vec![[0.0; W]; upper.n()];
-        let stretches = galerkin::stretches(&upper, &prolongation, &coarse);
+        let parts = parts(&upper);
+        let smoother = Smoother::new(upper, parts);
+        let prolongation = Prolongation::new(&aggregates, &neighbours, &smoother.parts);
+        let coarse = galerkin::pattern(&prolongation, &neighbours);
+        let stretches = galerkin::stretches(&smoother.pattern, &prolongation, &coarse);
         let level = Level {
-            smoother: Smoother::new(upper),
+            smoother,
             prolongation,
             root: aggregates.root,
             b: zeros.clone(),

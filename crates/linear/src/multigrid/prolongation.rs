@@ -1,8 +1,12 @@
 //! From a level to the next finer one: the modes of each aggregate, smoothed.
 
 use super::aggregates::Aggregates;
-use super::blocks::{Smoother, Upper};
+use super::blocks::Smoother;
+use super::columns::Upper;
+use super::parts::Parts;
 use crate::neighbours::Neighbours;
+use crate::threads::each;
+use std::ops::Range;
 use viscera_number::simd::{Kernel, dispatch};
 
 /// Rigid-body modes, and so unknowns of an aggregate.
@@ -45,11 +49,13 @@ pub(super) struct Prolongation<const B: usize> {
     blocks: Vec<[Part; B]>,
     /// Unknowns of the next level that stand for a mode.
     has_unknown: Vec<bool>,
+    /// The parts in which threads share the nodes, and the aggregates of each, from the first to the last.
+    parts: Vec<(Range<usize>, Range<usize>)>,
 }
 
 impl<const B: usize> Prolongation<B> {
     /// From the aggregates of a node and of its neighbours.
-    pub fn new(aggregates: &Aggregates, neighbours: &Neighbours) -> Self {
+    pub fn new(aggregates: &Aggregates, neighbours: &Neighbours, parts: &Parts) -> Self {
         let n = aggregates.of.len();
         let (mut start, mut column) = (vec![0u32], Vec::new());
         for node in 0..n {
@@ -63,7 +69,14 @@ impl<const B: usize> Prolongation<B> {
             column[first..].sort_unstable();
             start.push(column.len() as u32);
         }
+        let reached = |nodes: &Range<usize>| {
+            let columns = &column[start[nodes.start] as usize..start[nodes.end] as usize];
+            let first = columns.iter().min().map_or(0, |&first| first as usize);
+            first..columns.iter().max().map_or(0, |&last| last as usize + 1)
+        };
+        let nodes = parts.all().iter().map(|part| part.nodes.clone());
         Prolongation {
+            parts: nodes.map(|nodes| (nodes.clone(), reached(&nodes))).collect(),
             n_coarse: aggregates.count(),
             aggregate: aggregates.of.clone(),
             tentative: vec![[Part::default(); B]; n],
@@ -159,14 +172,37 @@ impl<const B: usize> Prolongation<B> {
         first + found.unwrap_or_else(|| unreachable!("a node knows its neighbours' aggregates"))
     }
 
-    /// `r_coarse = -Pᵀ x`.
+    /// `r_coarse = -Pᵀ x`: parts add up what is theirs, and the sums are added part by part.
     pub fn restrict_negative<const W: usize>(&self, x: &[[f32; W]], coarse: &mut [Part]) {
-        dispatch(Restrict { prolongation: self, x, coarse });
+        let of_part = |(nodes, reached): &(Range<usize>, Range<usize>), sums: &mut [Part]| {
+            let (first, nodes) = (reached.start, nodes.clone());
+            dispatch(Restrict { prolongation: self, x, nodes, first, sums });
+        };
+        if let [alone] = &self.parts[..] {
+            return of_part(alone, &mut coarse[alone.1.clone()]);
+        }
+        coarse.fill(Part::default());
+        let sums = each(self.parts.iter().collect(), |part| {
+            let mut sums = vec![Part::default(); part.1.len()];
+            of_part(part, &mut sums);
+            sums
+        });
+        for ((_, reached), sums) in self.parts.iter().zip(sums) {
+            for (coarse, sum) in coarse[reached.clone()].iter_mut().zip(&sums) {
+                (0..8).for_each(|m| coarse[m] += sum[m]);
+            }
+        }
     }
 
     /// `x += P x_coarse`.
-    pub fn prolongate<const W: usize>(&self, coarse: &[Part], x: &mut [[f32; W]]) {
-        dispatch(Prolongate { prolongation: self, coarse, x });
+    pub fn prolongate<const W: usize>(&self, coarse: &[Part], mut x: &mut [[f32; W]]) {
+        let mut tasks = Vec::with_capacity(self.parts.len());
+        for (nodes, _) in &self.parts {
+            let (own, rest) = std::mem::take(&mut x).split_at_mut(nodes.len());
+            tasks.push(Prolongate { prolongation: self, coarse, first: nodes.start, x: own });
+            x = rest;
+        }
+        each(tasks, dispatch);
     }
 }
 
@@ -214,10 +250,13 @@ impl<const B: usize> Kernel for Products<'_, B> {
     }
 }
 
+/// What the nodes of a part add to the aggregates that it reaches, of which `first` is the first.
 struct Restrict<'a, const B: usize, const W: usize> {
     prolongation: &'a Prolongation<B>,
     x: &'a [[f32; W]],
-    coarse: &'a mut [Part],
+    nodes: Range<usize>,
+    first: usize,
+    sums: &'a mut [Part],
 }
 
 impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
@@ -225,11 +264,11 @@ impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
 
     #[inline(always)]
     fn run(self) {
-        self.coarse.fill(Part::default());
-        for (node, x) in self.x.iter().enumerate() {
+        self.sums.fill(Part::default());
+        for (node, x) in self.nodes.clone().zip(&self.x[self.nodes]) {
             let (columns, blocks) = self.prolongation.row(node);
             for (&column, block) in columns.iter().zip(blocks) {
-                let sum = &mut self.coarse[column as usize];
+                let sum = &mut self.sums[column as usize - self.first];
                 for i in 0..B {
                     (0..8).for_each(|m| sum[m] -= block[i][m] * x[i]);
                 }
@@ -238,9 +277,11 @@ impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
     }
 }
 
+/// At the nodes of a part, of which `first` is the first.
 struct Prolongate<'a, const B: usize, const W: usize> {
     prolongation: &'a Prolongation<B>,
     coarse: &'a [Part],
+    first: usize,
     x: &'a mut [[f32; W]],
 }
 
@@ -249,7 +290,7 @@ impl<const B: usize, const W: usize> Kernel for Prolongate<'_, B, W> {
 
     #[inline(always)]
     fn run(self) {
-        for (node, x) in self.x.iter_mut().enumerate() {
+        for (node, x) in (self.first..).zip(self.x) {
             let (columns, blocks) = self.prolongation.row(node);
             let mut products = [Part::default(); B];
             for (&column, block) in columns.iter().zip(blocks) {

@@ -7,6 +7,7 @@ use super::super::conjugate_gradients::{
 use super::super::test_matrices::{load, relative_difference};
 use super::prolongation::Modes;
 use super::*;
+use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
 /// Linear elasticity (Young's modulus 1) of a box on linear tetrahedra, six to a brick.
@@ -68,7 +69,8 @@ impl Elastic {
 
     fn multigrid_to(&self, n_coarsest: usize) -> Multigrid {
         let pairs = self.pairs.iter().copied();
-        let mut multigrid = Multigrid::with_coarsest(n_coarsest, &self.points, pairs).unwrap();
+        let mut multigrid =
+            Multigrid::with_levels(n_coarsest, Parts::new, &self.points, pairs).unwrap();
         multigrid.hold(&self.is_held);
         multigrid.factorize(&self.values, 0.0).unwrap();
         multigrid
@@ -204,7 +206,7 @@ fn rigid_motions_are_known_on_every_level() {
     let mut elastic = Elastic::new([9, 6, 5], 0.3);
     elastic.is_held.fill(false);
     let pairs = elastic.pairs.iter().copied();
-    let mut multigrid = Multigrid::with_coarsest(8, &elastic.points, pairs).unwrap();
+    let mut multigrid = Multigrid::with_levels(8, Parts::new, &elastic.points, pairs).unwrap();
     // A little stiffness, so that the coarsest matrix has a factor; rigid motions feel hardly any.
     multigrid.factorize(&elastic.values, 1e-9).unwrap();
     let mut modes = rigid_modes(&elastic.points);
@@ -240,6 +242,101 @@ fn a_cycle_is_symmetric_and_positive_definite() {
     let product = l.L().transpose() * m * l.L();
     let eigenvalues = product.self_adjoint_eigenvalues(Side::Lower).unwrap();
     assert!(eigenvalues[0] > 0.05 && *eigenvalues.last().unwrap() < 1.001, "{eigenvalues:?}");
+}
+
+/// Sweeps in parts are those of Gauss-Seidel in another order of nodes, by any number of threads.
+#[test]
+fn parts_are_swept_in_turns() {
+    let elastic = Elastic::new([3, 3, 24], 0.3);
+    let upper = || Upper::new(elastic.points.len(), elastic.pairs.iter().copied()).unwrap();
+    // Numbered along the longest side, so that parts touch those beside them alone.
+    let parts = Parts::cut(5, &upper());
+    let mut smoother = Smoother::<3, 4>::new(upper(), parts);
+    smoother.fill(&elastic.values, 0.5, |_| true).unwrap();
+    let parts: Vec<_> = smoother.parts.all().iter().map(|part| part.nodes.clone()).collect();
+    assert!(parts.len() == 5 && parts.windows(2).all(|pair| pair[0].end == pair[1].start));
+    let turn = |parity: usize| parts.iter().skip(parity).step_by(2).cloned().flatten();
+    let order: Vec<usize> = turn(0).chain(turn(1)).collect();
+    let mut rank = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(at, &node)| rank[node] = at);
+    let free = Elastic { is_held: vec![false; elastic.n()], ..elastic };
+    let shifted = |row: usize, column: usize| if row == column { 0.5 } else { 0.0 };
+    let n = free.n();
+    let a = free.dense() + Mat::from_fn(n, n, shifted);
+    let is_left = |row: usize, column: usize| rank[row / 3] >= rank[column / 3];
+    let [left, right] = [true, false].map(|wanted| {
+        Mat::from_fn(n, n, |i, k| if is_left(i, k) == wanted { a[(i, k)] } else { 0.0 })
+    });
+    let vector = |seed: usize| Mat::from_fn(n, 1, |i, _| ((37 * i + 11 * seed) as f64).sin());
+    let (b, x) = (vector(1), vector(2));
+    let lu = |m: &Mat<f64>| m.partial_piv_lu();
+    let down = lu(&left).solve(&b);
+    let diagonal = Mat::from_fn(n, n, |i, k| if i / 3 == k / 3 { a[(i, k)] } else { 0.0 });
+    let upper_part = &right + &diagonal;
+    let up = lu(&upper_part).solve(&b - (&left - &diagonal) * &x);
+    let expected = [down.clone(), &right * &down, up, lu(&diagonal).solve(&a * &x)];
+    let packed = |m: &Mat<f64>| -> Vec<[f32; 4]> {
+        let at = |i: usize| m[(i, 0)] as f32;
+        (0..n / 3).map(|node| [at(3 * node), at(3 * node + 1), at(3 * node + 2), 0.0]).collect()
+    };
+    let mut by = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let (b, mut down, mut y) = (packed(&b), packed(&x), packed(&x));
+        let mut up = packed(&x);
+        pool.install(|| {
+            let rest = smoother.forward(&b, &mut down).to_vec();
+            smoother.backward(&b, &mut up);
+            smoother.jacobi(&packed(&x), &mut y);
+            [down, rest, up, y]
+        })
+    };
+    let alone = by(1);
+    for (found, expected) in alone.iter().zip(&expected) {
+        let size = expected.norm_max();
+        for (found, expected) in found.iter().zip(packed(expected)) {
+            let close = (0..3).all(|i| f64::from((found[i] - expected[i]).abs()) < 1e-5 * size);
+            assert!(close, "{found:?} {expected:?}");
+        }
+    }
+    assert!([2, 3].into_iter().all(|threads| by(threads) == alone));
+}
+
+/// A level in parts serves as well as one that is whole, by any number of threads.
+#[test]
+fn a_cycle_in_parts_is_as_good() {
+    let elastic = Elastic::new([4, 4, 48], 0.3);
+    let pairs = || elastic.pairs.iter().copied();
+    let whole = elastic.solve(&mut elastic.multigrid()).iterations;
+    let by = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let parts = |upper: &Upper| Parts::cut(9, upper);
+        let mut multigrid =
+            Multigrid::with_levels(COARSEST, parts, &elastic.points, pairs()).unwrap();
+        assert!(multigrid.finest.smoother.parts.len() == 9);
+        pool.install(|| {
+            multigrid.hold(&elastic.is_held);
+            multigrid.factorize(&elastic.values, 0.0).unwrap();
+            let mut z = vec![0.0; elastic.n()];
+            multigrid.apply(&load(elastic.n(), 3), &mut z);
+            (z, elastic.solve(&mut multigrid).iterations)
+        })
+    };
+    let alone = by(1);
+    assert!(alone.1 <= whole + 2, "{} {whole}", alone.1);
+    assert!([2, 3].into_iter().all(|threads| by(threads) == alone));
+}
+
+#[test]
+fn nodes_numbered_far_from_their_neighbours_are_one_part() {
+    let elastic = Elastic::new([40, 20, 20], 0.3);
+    let n = elastic.points.len() as u32;
+    let upper = Upper::new(n as usize, elastic.pairs.iter().copied()).unwrap();
+    assert!(Parts::new(&upper).len() >= 6);
+    let far = (0..n).flat_map(|k| [(k % (n / 2), k), (k, k)].into_iter().skip((k < n / 2).into()));
+    assert_eq!(Parts::new(&Upper::new(n as usize, far).unwrap()).len(), 1);
+    let small = Elastic::new([6, 3, 4], 0.3);
+    let upper = Upper::new(small.points.len(), small.pairs.iter().copied()).unwrap();
+    assert_eq!(Parts::new(&upper).len(), 1);
 }
 
 #[test]
