@@ -61,12 +61,6 @@ impl<const B: usize, const W: usize> Smoother<B, W> {
         }
         Ok(())
     }
-
-    /// `D⁻¹ a` for a node.
-    #[inline(always)]
-    pub fn solve_diagonal(&self, node: usize, a: [f32; W]) -> [f32; W] {
-        times(&self.inverses[node], &a)
-    }
 }
 
 /// The columns of a block, padded.

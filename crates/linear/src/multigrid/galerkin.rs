@@ -2,12 +2,13 @@
 //! products are added one after the other, so that the sums do not depend on the number of threads.
 
 use super::columns::Upper;
-use super::prolongation::{MODES, Prolongation};
+use super::prolongation::{MODES, Part, Prolongation};
 use crate::neighbours::Neighbours;
 use crate::threads::share;
 use rayon::prelude::*;
 use std::ops::Range;
 use viscera_number::simd::{Kernel, dispatch};
+use viscera_number::{Lanes, Wide};
 
 /// Values of a block of the next level.
 pub(super) const SQUARE: usize = MODES * MODES;
@@ -105,11 +106,11 @@ pub(super) struct Product<'a, const B: usize> {
     pub coarse: &'a Upper,
 }
 
-/// A block of the next level, by rows.
-type Block = [f64; SQUARE];
+/// A block of the next level, by rows, each padded to vector registers.
+type Block = [Wide; MODES];
 
-/// `P_rᵀ A_rc` summed over the blocks of a column, for an aggregate.
-type Half<const B: usize> = [[f64; B]; MODES];
+/// `A_rcᵀ P_r` summed over the blocks of a column, for an aggregate, by rows.
+type Half<const B: usize> = [Wide; B];
 
 /// What the products of a stretch need, one after the other.
 struct Workspace<const B: usize> {
@@ -158,16 +159,16 @@ impl<const B: usize> Product<'_, B> {
             workspace.local[place as usize] = local;
         }
         workspace.sums.clear();
-        workspace.sums.resize(stretch.places.len(), [0.0; SQUARE]);
+        workspace.sums.resize(stretch.places.len(), Block::default());
         dispatch(OfStretch { product: self, columns: stretch.columns.clone(), workspace });
     }
 }
 
 impl Stretch {
-    fn add(&self, sums: &[Block], out: &mut [Block]) {
+    fn add(&self, sums: &[Block], out: &mut [[f64; SQUARE]]) {
         for (&place, sum) in self.places.iter().zip(sums) {
-            let out = &mut out[place as usize];
-            (0..SQUARE).for_each(|entry| out[entry] += sum[entry]);
+            let rows = out[place as usize].chunks_exact_mut(MODES).zip(sum);
+            rows.for_each(|(out, sum)| (0..MODES).for_each(|k| out[k] += sum[k]));
         }
     }
 }
@@ -204,42 +205,44 @@ impl<const B: usize> Kernel for OfStretch<'_, '_, B> {
                     let slot = &mut slot[aggregate as usize];
                     if *slot == NONE {
                         *slot = halves.len() as u32;
-                        halves.push((aggregate, [[0.0; B]; MODES]));
+                        halves.push((aggregate, [Wide::default(); B]));
                     }
-                    let half = &mut halves[*slot as usize].1;
-                    for i in 0..B {
-                        for m in 0..MODES {
-                            let part = f64::from(block[i][m]);
-                            (0..B).for_each(|k| half[m][k] += part * a[i][k]);
-                        }
-                    }
+                    add_product(|k, i| a[k][i], &widened(block), &mut halves[*slot as usize].1);
                 }
             }
             let (aggregates, blocks) = p.row(column);
             for (&right, block) in aggregates.iter().zip(blocks) {
-                let part = block.map(|row| row.map(f64::from));
+                let part = widened(block);
                 for (left, half) in &*halves {
-                    let mut product = [[0.0f64; 8]; MODES];
-                    for i in 0..MODES {
-                        for b in 0..B {
-                            (0..8).for_each(|k| product[i][k] += half[i][b] * part[b][k]);
-                        }
-                    }
                     let place = coarse.place(right.min(*left), right.max(*left));
                     let out = &mut sums[local[place] as usize];
                     if *left <= right {
-                        for i in 0..MODES {
-                            (0..MODES).for_each(|k| out[MODES * i + k] += product[i][k]);
-                        }
+                        add_product(|k, i| half[k][i], &part, out);
                     }
                     if *left >= right {
-                        for i in 0..MODES {
-                            (0..MODES).for_each(|k| out[MODES * k + i] += product[i][k]);
-                        }
+                        add_product(|k, i| part[k][i], half, out);
                     }
                 }
             }
             halves.iter().for_each(|(aggregate, _)| slot[*aggregate as usize] = NONE);
         }
     }
+}
+
+/// `out += aᵀ b`, by rows.
+#[inline(always)]
+fn add_product<const B: usize, const M: usize>(
+    a: impl Fn(usize, usize) -> f64,
+    b: &[Wide; B],
+    out: &mut [Wide; M],
+) {
+    for i in 0..M {
+        let row = (0..B).fold(out[i], |row, k| row + b[k] * a(k, i));
+        out[i] = row;
+    }
+}
+
+#[inline(always)]
+fn widened<const B: usize>(block: &[Part; B]) -> [Wide; B] {
+    block.map(|row| Lanes(row.map(f64::from)))
 }

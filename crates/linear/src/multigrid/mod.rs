@@ -14,6 +14,7 @@ mod galerkin;
 mod order;
 mod parts;
 mod prolongation;
+mod smoothing;
 mod sweeps;
 #[cfg(test)]
 mod tests;
@@ -261,7 +262,7 @@ impl<const B: usize, const W: usize> Level<B, W> {
         let Level { smoother, prolongation, b, x, below, below_upper, stretches, .. } = self;
         smoother.fill(values, shift, has_unknown)?;
         let omega = DAMPING / largest_eigenvalue(smoother, b, x);
-        prolongation.smooth(smoother, values, shift, omega);
+        prolongation.smooth(smoother, omega as f32);
         let (fine, coarse) = (&smoother.pattern, &*below_upper);
         galerkin::Product { fine, values, shift, prolongation, coarse }.compute(stretches, below);
         Ok(())

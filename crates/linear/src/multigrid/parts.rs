@@ -94,22 +94,22 @@ impl Parts {
 
     /// What stands at the nodes of each window of a turn.
     pub fn windows<'a, T>(&self, turn: Turn, values: &'a mut [T]) -> Vec<&'a mut [T]> {
-        apart(values, self.of(turn).map(|part| &part.window))
+        apart(values, self.of(turn).map(|part| part.window.clone()))
     }
 
     /// What stands at the nodes of each part.
     pub fn split<'a, T>(&self, values: &'a mut [T]) -> Vec<&'a mut [T]> {
-        apart(values, self.all.iter().map(|part| &part.nodes))
+        apart(values, self.all.iter().map(|part| part.nodes.clone()))
     }
 }
 
 /// Ascending ranges of values, which may leave some out.
-fn apart<'a, 'r, T>(
-    mut values: &'a mut [T],
-    ranges: impl Iterator<Item = &'r Range<usize>>,
-) -> Vec<&'a mut [T]> {
+pub(super) fn apart<T>(
+    mut values: &mut [T],
+    ranges: impl Iterator<Item = Range<usize>>,
+) -> Vec<&mut [T]> {
     let mut taken = 0;
-    let own = |range: &Range<usize>| {
+    let own = |range: Range<usize>| {
         let (_, rest) = std::mem::take(&mut values).split_at_mut(range.start - taken);
         let (own, rest) = rest.split_at_mut(range.len());
         (values, taken) = (rest, range.end);

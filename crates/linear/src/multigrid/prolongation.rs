@@ -1,8 +1,6 @@
 //! From a level to the next finer one: the modes of each aggregate, smoothed.
 
 use super::aggregates::Aggregates;
-use super::blocks::Smoother;
-use super::columns::Upper;
 use super::parts::Parts;
 use crate::neighbours::Neighbours;
 use crate::threads::each;
@@ -36,17 +34,38 @@ pub(super) fn rigid_modes(points: &[[f64; 3]]) -> Modes {
     points.iter().flat_map(at).collect()
 }
 
+/// Which aggregates each node has a block for, ascending.
+pub(super) struct Reach {
+    start: Vec<u32>,
+    column: Vec<u32>,
+}
+
+impl Reach {
+    /// Places of the blocks of some nodes.
+    #[inline(always)]
+    pub fn places(&self, nodes: Range<usize>) -> Range<usize> {
+        self.start[nodes.start] as usize..self.start[nodes.end] as usize
+    }
+
+    /// Place of a node's block for an aggregate of its own or of a neighbour.
+    #[inline(always)]
+    pub fn place(&self, node: usize, aggregate: u32) -> usize {
+        let places = self.places(node..node + 1);
+        let found = self.column[places.clone()].iter().position(|&a| a == aggregate);
+        places.start
+            + found.unwrap_or_else(|| unreachable!("a node knows its neighbours' aggregates"))
+    }
+}
+
 /// Blocks of `B` rows and six columns.
 pub(super) struct Prolongation<const B: usize> {
     n_coarse: usize,
     /// The aggregate of each node.
-    aggregate: Vec<u32>,
+    pub aggregate: Vec<u32>,
     /// Its orthonormal modes at each node, by rows.
-    tentative: Vec<[Part; B]>,
-    /// Where a node's blocks start; aggregates ascend.
-    start: Vec<u32>,
-    column: Vec<u32>,
-    blocks: Vec<[Part; B]>,
+    pub tentative: Vec<[Part; B]>,
+    pub pattern: Reach,
+    pub blocks: Vec<[Part; B]>,
     /// Unknowns of the next level that stand for a mode.
     has_unknown: Vec<bool>,
     /// The parts in which threads share the nodes, and the aggregates of each, from the first to the last.
@@ -69,8 +88,9 @@ impl<const B: usize> Prolongation<B> {
             column[first..].sort_unstable();
             start.push(column.len() as u32);
         }
+        let pattern = Reach { start, column };
         let reached = |nodes: &Range<usize>| {
-            let columns = &column[start[nodes.start] as usize..start[nodes.end] as usize];
+            let columns = &pattern.column[pattern.places(nodes.clone())];
             let first = columns.iter().min().map_or(0, |&first| first as usize);
             first..columns.iter().max().map_or(0, |&last| last as usize + 1)
         };
@@ -80,9 +100,8 @@ impl<const B: usize> Prolongation<B> {
             n_coarse: aggregates.count(),
             aggregate: aggregates.of.clone(),
             tentative: vec![[Part::default(); B]; n],
-            blocks: vec![[Part::default(); B]; column.len()],
-            start,
-            column,
+            blocks: vec![[Part::default(); B]; pattern.column.len()],
+            pattern,
             has_unknown: vec![false; MODES * aggregates.count()],
         }
     }
@@ -99,8 +118,8 @@ impl<const B: usize> Prolongation<B> {
     /// A node's aggregates and blocks.
     #[inline(always)]
     pub fn row(&self, node: usize) -> (&[u32], &[[Part; B]]) {
-        let range = self.start[node] as usize..self.start[node + 1] as usize;
-        (&self.column[range.clone()], &self.blocks[range])
+        let places = self.pattern.places(node..node + 1);
+        (&self.pattern.column[places.clone()], &self.blocks[places])
     }
 
     /// Makes the modes orthonormal in each aggregate, `modes = Q R`, and keeps `Q`; `R`, the modes of the next level.
@@ -129,47 +148,6 @@ impl<const B: usize> Prolongation<B> {
             }
         }
         coarse
-    }
-
-    /// `P = (1 - omega D⁻¹ A) Q`, with the matrix whose values are given.
-    pub fn smooth<const W: usize>(
-        &mut self,
-        smoother: &Smoother<B, W>,
-        values: &[f64],
-        shift: f64,
-        omega: f64,
-    ) {
-        self.blocks.fill([Part::default(); B]);
-        dispatch(Products { prolongation: self, pattern: &smoother.pattern, values });
-        for node in 0..self.tentative.len() {
-            let own = self.place(node, self.aggregate[node]);
-            let tentative = self.tentative[node];
-            for i in 0..B {
-                let product = &mut self.blocks[own][i];
-                (0..MODES).for_each(|m| product[m] += shift as f32 * tentative[i][m]);
-            }
-            for place in self.start[node] as usize..self.start[node + 1] as usize {
-                let block = &mut self.blocks[place];
-                for m in 0..MODES {
-                    let mut product = [0.0; W];
-                    (0..B).for_each(|i| product[i] = block[i][m]);
-                    let product = smoother.solve_diagonal(node, product);
-                    (0..B).for_each(|i| block[i][m] = -(omega as f32) * product[i]);
-                }
-                if place == own {
-                    for i in 0..B {
-                        (0..MODES).for_each(|m| block[i][m] += tentative[i][m]);
-                    }
-                }
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn place(&self, node: usize, aggregate: u32) -> usize {
-        let (first, end) = (self.start[node] as usize, self.start[node + 1] as usize);
-        let found = self.column[first..end].iter().position(|&a| a == aggregate);
-        first + found.unwrap_or_else(|| unreachable!("a node knows its neighbours' aggregates"))
     }
 
     /// `r_coarse = -Pᵀ x`: parts add up what is theirs, and the sums are added part by part.
@@ -203,50 +181,6 @@ impl<const B: usize> Prolongation<B> {
             x = rest;
         }
         each(tasks, dispatch);
-    }
-}
-
-/// `A Q` into the blocks.
-struct Products<'a, const B: usize> {
-    prolongation: &'a mut Prolongation<B>,
-    pattern: &'a Upper,
-    values: &'a [f64],
-}
-
-impl<const B: usize> Kernel for Products<'_, B> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let p = self.prolongation;
-        for column in 0..self.pattern.n() {
-            let places = self.pattern.column(column);
-            for (&row, block) in self
-                .pattern
-                .rows(column)
-                .iter()
-                .zip(self.values[B * B * places.start..B * B * places.end].chunks_exact(B * B))
-            {
-                let row = row as usize;
-                let to = p.place(row, p.aggregate[column]);
-                for i in 0..B {
-                    for k in 0..B {
-                        let (a, from) = (block[B * i + k] as f32, &p.tentative[column][k]);
-                        (0..8).for_each(|m| p.blocks[to][i][m] += a * from[m]);
-                    }
-                }
-                if row == column {
-                    continue;
-                }
-                let to = p.place(column, p.aggregate[row]);
-                for i in 0..B {
-                    for k in 0..B {
-                        let (a, from) = (block[B * k + i] as f32, &p.tentative[row][k]);
-                        (0..8).for_each(|m| p.blocks[to][i][m] += a * from[m]);
-                    }
-                }
-            }
-        }
     }
 }
 
