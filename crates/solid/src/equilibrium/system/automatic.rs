@@ -29,8 +29,8 @@ const SINGLE: f64 = 0.65;
 /// An iteration with an incomplete factor and one with a V-cycle, for each block, up to twice that where they no longer fit
 /// into the cache; what a V-cycle takes to make.
 const INCOMPLETE: f64 = 3.6;
-const CYCLE: f64 = 9.0;
-const MAKING: f64 = 135.0;
+const CYCLE: f64 = 8.2;
+const MAKING: f64 = 42.0;
 
 /// Blocks of which half fit into the cache.
 const CACHED: f64 = 1e5;
