@@ -4,6 +4,8 @@
 use crate::constraint::{Constraint, project};
 use crate::field::Field;
 use crate::quality::{EDGES, FACES, min_sine, volume6};
+use crate::stars::Stars;
+use crate::surface::Surface;
 use crate::vector::{Point, mean, middle, norm, sub};
 use rayon::prelude::*;
 
@@ -16,63 +18,8 @@ const SNAP_SHORT: f64 = 0.41189;
 const LEAST_SINE: f64 = 0.1;
 const BISECTIONS: usize = 40;
 
-/// A surface that cuts: owners of the negative side against those of the positive one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Surface {
-    /// The labels against the outside.
-    Outside,
-    /// The image against what lies beyond its edge.
-    Beyond,
-    /// A label against all later ones.
-    Label(usize),
-}
-
-impl Surface {
-    fn value(self, field: &Field, x: Point, scores: &mut Vec<f64>) -> f64 {
-        let largest = |scores: &[f64]| scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        if self == Surface::Beyond {
-            let distances = field.planes.iter().map(|plane| plane.distance(x));
-            return distances.fold(f64::NEG_INFINITY, f64::max);
-        }
-        let Surface::Label(l) = self else { return field.outsideness(x, scores) };
-        field.scores(x, scores);
-        largest(&scores[l + 1..field.outside()]) - scores[l]
-    }
-
-    /// The constraint of a node at this surface.
-    fn constraint(self, field: &Field, x: Point) -> Option<Constraint> {
-        let mut scores = Vec::new();
-        field.scores(x, &mut scores);
-        let best =
-            |range: std::ops::Range<usize>| range.max_by(|&a, &b| scores[a].total_cmp(&scores[b]));
-        Some(match self {
-            Surface::Outside => Constraint::Between(field.outside(), best(0..field.outside())?),
-            Surface::Label(l) => Constraint::Between(best(l + 1..field.outside())?, l),
-            Surface::Beyond => Constraint::On(
-                field
-                    .planes
-                    .iter()
-                    .copied()
-                    .max_by(|p, q| p.distance(x).total_cmp(&q.distance(x)))?,
-            ),
-        })
-    }
-
-    fn bit(self) -> u64 {
-        match self {
-            Surface::Outside => OUTSIDE,
-            Surface::Beyond => BEYOND,
-            Surface::Label(l) => 4 << l,
-        }
-    }
-}
-
 /// Corners of a tetrahedron that is turned the right way.
 const UNIT: [Point; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-
-/// Bits of the surfaces that a node lies on.
-pub const OUTSIDE: u64 = 1;
-pub const BEYOND: u64 = 2;
 
 /// Cells with owners, while they are cut.
 pub struct Cutting<'a> {
@@ -428,35 +375,4 @@ fn used(n_points: usize, cells: &[[u32; 4]]) -> Vec<bool> {
         used[i as usize] = true;
     }
     used
-}
-
-/// The cells of each node.
-pub struct Stars {
-    first: Vec<u32>,
-    cells: Vec<u32>,
-}
-
-impl Stars {
-    pub fn new<'c>(n_points: usize, cells: impl Iterator<Item = &'c [u32; 4]> + Clone) -> Self {
-        let mut first = vec![0; n_points + 1];
-        for &i in cells.clone().flatten() {
-            first[i as usize + 1] += 1;
-        }
-        for i in 0..n_points {
-            first[i + 1] += first[i];
-        }
-        let mut next = first.clone();
-        let mut listed = vec![0; first[n_points] as usize];
-        for (c, cell) in cells.enumerate() {
-            for &i in cell {
-                listed[next[i as usize] as usize] = c as u32;
-                next[i as usize] += 1;
-            }
-        }
-        Stars { first, cells: listed }
-    }
-
-    pub fn of(&self, node: u32) -> &[u32] {
-        &self.cells[self.first[node as usize] as usize..self.first[node as usize + 1] as usize]
-    }
 }

@@ -1,9 +1,10 @@
 //! Moves nodes, each on the surfaces that it belongs to, so that the worst angles around it become better.
 
 use crate::constraint::{Constraint, project};
-use crate::cut::{BEYOND, Stars};
 use crate::field::Field;
 use crate::quality::{FACES, min_sine};
+use crate::stars::Stars;
+use crate::surface::BEYOND;
 use crate::vector::{Point, add, cross, norm, scale, sub};
 use rayon::prelude::*;
 

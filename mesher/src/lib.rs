@@ -15,15 +15,18 @@ mod lattice;
 mod parts;
 pub mod quality;
 mod size;
+mod stars;
+mod surface;
 mod vector;
 mod winding;
 
-use cut::{Cutting, Surface};
+use cut::Cutting;
 use field::Field;
 pub use field::Labels;
 use improve::{Improving, Interface};
 use lattice::{Lattice, MEAN_EDGE};
 use rayon::prelude::*;
+use surface::Surface;
 use vector::Point;
 pub use winding::Winding;
 
@@ -265,7 +268,7 @@ fn finished(field: &Field, edges: &[f64], Made { cut, points, meeting }: Made) -
     let kept = (0..cut.cells.len()).filter(|&c| cut.owner[c] != field.outside());
     let (cells, owner): (Vec<_>, Vec<_>) = kept.map(|c| (cut.cells[c], cut.owner[c])).unzip();
     let (used, cells) = renumbered(points.len(), cells);
-    let is_cut = |i: u32| meeting[used[i as usize] as usize] & cut::BEYOND != 0;
+    let is_cut = |i: u32| meeting[used[i as usize] as usize] & surface::BEYOND != 0;
     Mesh {
         points: used.iter().map(|&i| points[i as usize]).collect(),
         cells,

@@ -157,7 +157,10 @@ class _Search:
             inverted = _inverted_cell(X, self.scanned.mesh)
             if inverted is not None:
                 return f"cell {inverted} would be inverted without the loads"
-            organ = self.at(X)
+            try:
+                organ = self.at(X)
+            except VisceraError as error:  # organs that would lie in each other
+                return f"without the loads, {str(error).partition('. ')[0]}"
             start = state if np.isfinite(organ._body.energy(state.displacement)) else None
             state = organ.solve(**loads, start=start, settings=TIGHT)
             if not state.is_converged:

@@ -114,3 +114,14 @@ def test_one_model_keeps_one_stiffness_of_bonds(cube: vs.Mesh) -> None:
         vs.Vary("young", 5e3, 2e4).family(scene, 0.05)
     apart = vs.Scene({"lower": lower})
     assert isinstance(vs.Vary("young", 5e3, 2e4).family(apart, 0.05)[0], vs.Scene)
+
+
+def test_organs_that_would_lie_in_each_other_have_no_unloaded_shape(cube: vs.Mesh) -> None:
+    """A soft cube under a stiff one that hangs: without its weight it is higher, where the other one is."""
+    above = vs.mesh(cube.points + np.array([0.0, 0.0, 0.10005]), cube.cells, cube.sets)
+    stiff = vs.NeoHookean(young=1e6, poisson=0.3)
+    organs = {"lower": vs.Organ(cube, TISSUE, fixed="bottom"), "upper": vs.Organ(above, stiff, fixed="top")}
+    rest = vs.Scene(organs, contacts=[vs.ContactPair("lower", "upper")]).unloaded(**WEIGHT)
+    assert not rest.is_converged
+    assert rest.load < 0.5
+    assert "without the loads, the surfaces of ContactPair(lower, upper) overlap" in rest.message
