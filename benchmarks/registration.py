@@ -6,9 +6,10 @@ Twenty truths of four kinds are made on a mesh of edges 0.6 times as long, under
 than what registers, and moved rigidly. What is seen of each is a contiguous patch of its front, a point per 3 mm^2,
 with noise and 5 % of points that are something else's. Target error: the mean distance of 500 places in the organ from
 where they are. It is compared with the rigid motion that the registration starts from, and with a thin-plate spline
-through the pairs of closest points after that. Truths and rows are kept in FOLDER, out/registration by default, and
-what is there is not computed again: the study may be interrupted. With `so-far` the tables are those of the rows that
-are there, and say how many.
+through the pairs of closest points after that. Then each truth is seen wrongly, mirrored or in another scale: is it
+said that the organ does not fit? Truths and rows are kept in FOLDER, out/registration by default, and what is there is
+not computed again: the study may be interrupted. With `so-far` the tables are those of the rows that are there, and say
+how many.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ COVERAGES = (0.2, 0.3, 0.5, 1.0)
 NOISES = (0.0, 2e-3, 5e-3)
 TYPICAL = (0.3, 2e-3)
 """Coverage and noise [m] of the pass; the other coverages are with this noise, the other noises with this coverage."""
+WRONG = {"mirrored": (-1.0, 1.0, 1.0), "10 % too large": 1.1, "30 % too large": 1.3, "30 % too small": 0.7}
+"""Factors of a cloud that is seen wrongly, about its middle, along the axes of the organ."""
 OUTLIERS, AREA = 0.05, 3e-6
 SUPPORTS = np.array([[0, 0, 1], [-1, 0, 1], [-1, 0.5, 0], [0.5, 0, 1], [1, 0, 0.3]])
 """The organ reaches farthest in these directions where ligaments hold it."""
@@ -128,7 +131,7 @@ def _direction(rng: np.random.Generator) -> Floats:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def cloud_of(truth: Truth, seed: int, coverage: float, noise: float) -> Floats:
+def cloud_of(truth: Truth, seed: int, coverage: float, noise: float, seen_as: str = "") -> Floats:
     """What is seen: points (k, 3) [m] on triangles that grow from the middle of the front, backs last."""
     rng = np.random.default_rng((seed, 1))
     corners = truth.shape[truth.mesh.surface]
@@ -148,6 +151,8 @@ def cloud_of(truth: Truth, seed: int, coverage: float, noise: float) -> Floats:
     cloud = cloud + rng.normal(scale=noise, size=cloud.shape)
     wrong = rng.random(count) < OUTLIERS
     cloud[wrong] += rng.uniform(-0.03, 0.03, size=(wrong.sum(), 3))
+    if seen_as:
+        cloud = cloud.mean(axis=0) + np.asarray(WRONG[seen_as]) * (cloud - cloud.mean(axis=0))
     return truth.motion(cloud)
 
 
@@ -182,10 +187,10 @@ def spline(places: Floats, found: Floats, at: Floats) -> Floats:
     return np.asarray(at + np.column_stack([-far, np.ones(len(at)), at]) @ c)
 
 
-def score(organ: vs.Organ, truth: Truth, seed: int, coverage: float, noise: float) -> dict[str, float]:
+def score(organ: vs.Organ, truth: Truth, seed: int, coverage: float, noise: float, seen_as: str) -> dict[str, float]:
     """Mean target errors [m] of three registrations, the band, and the time."""
     at, now = targets(truth, organ)
-    cloud = cloud_of(truth, seed, coverage, noise)
+    cloud = cloud_of(truth, seed, coverage, noise, seen_as)
     told = max(noise, 5e-4)
     shape = Shape(organ.mesh.points, organ.mesh.surface)
     rigid = starts(shape, observed(organ.mesh, cloud, None, None, None, told, told), None)[0]
@@ -196,19 +201,28 @@ def score(organ: vs.Organ, truth: Truth, seed: int, coverage: float, noise: floa
     began, worked = time.perf_counter(), time.process_time()
     found = organ.register(cloud, noise=told)
     seconds, processor = time.perf_counter() - began, time.process_time() - worked
+    return {
+        "rigid": float(np.linalg.norm(rigid(at) - now, axis=1).mean()),
+        "spline": float(np.linalg.norm(splined - now, axis=1).mean()),
+        **outcome(found, at, now),
+        "seconds": seconds,
+        "processor": processor,
+    }
+
+
+def outcome(found: vs.Registered, at: Floats, now: Floats) -> dict[str, float]:
+    """Mean target error [m], how many targets are in the band, and what is said of the fit."""
     error = np.linalg.norm(at + found.at(at).displacement - now, axis=1)
     band = found.band_at(at)
     known = np.isfinite(band)
     return {
-        "rigid": float(np.linalg.norm(rigid(at) - now, axis=1).mean()),
-        "spline": float(np.linalg.norm(splined - now, axis=1).mean()),
         "error": float(error.mean()),
         "in_band": float((error < band)[known].sum()),
         "observed": float(known.sum()),
         "targets": float(len(at)),
         "converged": float(found.is_converged),
-        "seconds": seconds,
-        "processor": processor,
+        "misfit": np.nan if found.misfit is None else found.misfit,
+        "poor": float(found.is_poor_fit),
     }
 
 
@@ -218,33 +232,44 @@ def settings() -> list[tuple[float, float]]:
     return list(dict.fromkeys(rows))
 
 
-def kept_rows(path: Path) -> dict[tuple[float, float, int], dict[str, float]]:
-    """What was computed before, by coverage, noise and seed."""
+Key = tuple[float, float, str, int]
+"""Coverage, noise [m], how a cloud is seen wrongly, and the seed."""
+NAMES = ("coverage", "noise", "seen_as", "seed")
+
+
+def kept_rows(path: Path) -> dict[Key, dict[str, float]]:
+    """What was computed before."""
     if not path.exists():
         return {}
     with path.open(newline="") as file:
-        rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
-    return {(row.pop("coverage"), row.pop("noise"), int(row.pop("seed"))): row for row in rows}
+        rows = list(csv.DictReader(file))
+    found = {}
+    for row in rows:
+        coverage, noise, seen_as, seed = (row.pop(name) for name in NAMES)
+        key = (float(coverage), float(noise), seen_as, int(seed))
+        found[key] = {name: float(value) for name, value in row.items()}
+    return found
 
 
-def compute(folder: Path) -> dict[tuple[float, float, int], dict[str, float]]:
+def compute(folder: Path) -> dict[Key, dict[str, float]]:
     """All rows; each is written as soon as it is there."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "rows.csv"
     rows = kept_rows(path)
     mesh = fine_liver()
     organ = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=6e3, poisson=0.45), fixed="hilum")
-    for coverage, noise in settings():
-        for seed in range(COUNT):
-            if (coverage, noise, seed) in rows:
-                continue
-            row = score(organ, truth(seed, mesh, folder), seed, coverage, noise)
-            rows[coverage, noise, seed] = row
-            with path.open("a", newline="") as file:
-                if not file.tell():
-                    print(*["coverage", "noise", "seed", *row], sep=",", file=file)
-                print(coverage, noise, seed, *row.values(), sep=",", file=file)
-            print(f"{coverage} {noise} {seed:2d} {1e3 * row['error']:.1f} mm", file=sys.stderr, flush=True)
+    wanted = [(*setting, "", seed) for setting in settings() for seed in range(COUNT)]
+    wanted += [(*TYPICAL, seen_as, seed) for seen_as in WRONG for seed in range(COUNT)]
+    for key in wanted:
+        if key in rows:
+            continue
+        coverage, noise, seen_as, seed = key
+        row = rows[key] = score(organ, truth(seed, mesh, folder), seed, coverage, noise, seen_as)
+        with path.open("a", newline="") as file:
+            if not file.tell():
+                print(*[*NAMES, *row], sep=",", file=file)
+            print(*key, *row.values(), sep=",", file=file)
+        print(f"{key} {1e3 * row['error']:.1f} mm", file=sys.stderr, flush=True)
     return rows
 
 
@@ -269,6 +294,27 @@ HEAD = (
 )
 
 
+def fits(rows: dict[Key, dict[str, float]]) -> str:
+    """What is said of the fit, of clouds as they are and of those that are seen wrongly."""
+    lines = ["", "cloud           coverage  noise  misfit (range)      poor fits  in band of the others [%]"]
+    for coverage, noise, seen_as in [
+        *((*each, "") for each in sorted(settings())),
+        *((*TYPICAL, as_) for as_ in WRONG),
+    ]:
+        of = [row for key, row in rows.items() if key[:3] == (coverage, noise, seen_as)]
+        if not of:
+            continue
+        misfit = np.array([row["misfit"] for row in of])
+        passed = [row for row in of if not row["poor"]]
+        band = 100 * sum(row["in_band"] for row in passed) / max(sum(row["observed"] for row in passed), 1.0)
+        lines.append(
+            f"{seen_as or 'as it is':16s}{100 * coverage:6.0f} %{1e3 * noise:4.0f} mm{np.nanmedian(misfit):8.2f} "
+            f"({np.nanmin(misfit):.2f} to {np.nanmax(misfit):.2f}){len(of) - len(passed):8d}/{len(of)}"
+            f"{f'{band:10.0f}' if passed else '         -'}"
+        )
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Compute what is missing, unless asked not to, then print the tables."""
     folder = Path(sys.argv[1] if sys.argv[1:] else "out/registration")
@@ -277,11 +323,12 @@ def main() -> None:
     print("mean target error [mm], median over truths (95th percentile); time: on the wall (of processors)\n")
     print(f"coverage  noise  truths{HEAD}".replace("\n", "\n" + 23 * " "))
     for coverage, noise in sorted(settings()):
-        of = [row for key, row in rows.items() if key[:2] == (coverage, noise)]
+        of = [row for key, row in rows.items() if key[:3] == (coverage, noise, "")]
         if of:
             print(f"{100 * coverage:6.0f} %{1e3 * noise:4.0f} mm{len(of):5d}/{COUNT} {line(of)}")
     coverage, noise = TYPICAL
-    typical = {seed: rows[coverage, noise, seed] for seed in range(COUNT) if (coverage, noise, seed) in rows}
+    keys = {seed: (coverage, noise, "", seed) for seed in range(COUNT)}
+    typical = {seed: rows[key] for seed, key in keys.items() if key in rows}
     print(f"\nby what happened, {100 * coverage:.0f} % and {1e3 * noise:.0f} mm")
     for k, kind in enumerate(KINDS):
         of = [row for seed, row in typical.items() if seed % len(KINDS) == k]
@@ -295,6 +342,7 @@ def main() -> None:
             f"{seed:4d}  {KINDS[seed % len(KINDS)]:23s}{errors[0]:>7s}{errors[1]:>8s}{errors[2]:>12s}{band}"
             f"{100 * row['observed'] / row['targets']:8.0f} %{'' if row['converged'] else '  not converged'}"
         )
+    print(fits(rows))
     hard = [row["error"] for row in typical.values() if row["rigid"] >= 8e-3]
     if hard:
         print(
