@@ -26,11 +26,12 @@ const SUBSTITUTION: f64 = 1.3;
 /// Time of a factor in single precision, over that of one in double precision.
 const SINGLE: f64 = 0.65;
 
-/// An iteration with an incomplete factor and one with a V-cycle, for each block, up to twice that where they no longer fit
-/// into the cache; what a V-cycle takes to make.
+/// An iteration with an incomplete factor, for each block, up to twice that where they no longer fit into the cache.
 const INCOMPLETE: f64 = 3.6;
-const CYCLE: f64 = 8.2;
-const MAKING: f64 = 42.0;
+
+/// An iteration with a V-cycle, for each node and for each block, and what it takes to make, for each node.
+const CYCLE: [f64; 2] = [130.0, 6.8];
+const MAKING: f64 = 700.0;
 
 /// Blocks of which half fit into the cache.
 const CACHED: f64 = 1e5;
@@ -205,12 +206,12 @@ impl Features {
 
     /// With multigrid.
     fn multigrid(&self) -> Candidate {
-        let volume = 2.0 + 1.1 * self.volume().powf(0.75);
+        let volume = 3.3 + 0.11 * self.volume();
         let iterations = self.roughness() * self.distortion.sqrt() * volume * self.slenderness();
-        let iteration = CYCLE * self.reads();
+        let iteration = CYCLE[0] * self.nodes + CYCLE[1] * self.blocks;
         Candidate {
             preconditioner: Preconditioner::Multigrid,
-            solution: iterations * iteration + MAKING * self.blocks,
+            solution: iterations * iteration + MAKING * self.nodes,
             iteration,
         }
     }
