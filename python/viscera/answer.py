@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,9 @@ from viscera.parts import Target, target
 if TYPE_CHECKING:
     from viscera.organ import Organ
     from viscera.touch import Touch
+
+UNBALANCED = 0.25
+"""Part of the force of a touch that stress may leave unbalanced."""
 
 
 class Answer(Deformed):
@@ -74,6 +78,45 @@ class Answer(Deformed):
         '2.49 mJ, 2.49 mJ in the tissue'
         """
         return self._model._model.energy(*self._touch)
+
+    @cached_property
+    def stress_error_estimate(self) -> float:
+        """Estimated error of stress and pressure, relative to their norm: what they leave unbalanced.
+
+        (sum_n |f_n(u) - f_n(u_0)|^2)^1/2 / |F|, with the nodal forces f of the stress, over nodes that are neither held
+        nor touched; u_0 is the preload, F the force of the touch. In nearly incompressible tissue pressure feels errors
+        of the displacement that force, shape and von Mises stress do not. Above a quarter, `stress`, `pressure` and
+        `write` warn.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> answer = beam.reduce("tip", depth="2%", order=2)((1, 0.1, 0.1), displacement=(0, 0, -0.01))
+        >>> 0 < answer.stress_error_estimate < 0.1
+        True
+        """
+        size = np.linalg.norm(self.force)
+        if size == 0.0:
+            return 0.0
+        organ, displacement = self._from_rest()
+        before = displacement - self.displacement
+        forces = [organ._body.internal_force(np.ascontiguousarray(u)).reshape(-1, 3) for u in (displacement, before)]
+        left = forces[0] - forces[1]
+        left[organ.fixed] = 0.0
+        left[self._model.patch(self.contact_point).nodes] = 0.0
+        return float(np.linalg.norm(left) / size)
+
+    def _expect_stress(self) -> None:
+        if self.stress_error_estimate > UNBALANCED:
+            warnings.warn(
+                f"the stress of this answer leaves {100 * self.stress_error_estimate:.0f} % of the force of the touch "
+                "unbalanced, so its pressure is not to be relied on: in nearly incompressible tissue it feels errors "
+                "that force, shape and von Mises stress do not; solve for it, as in "
+                "touch.organ().solve(displacement={touch.patch(point): d})",
+                stacklevel=3,
+            )
+
+    def _expect_deviatoric_stress(self) -> None:
+        pass
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self._model.mesh, self.displacement

@@ -83,8 +83,19 @@ class Deformed:
         >>> sigma.shape, f"{vs.principal(sigma).max():.0f} Pa"
         ((525, 3, 3), '7186 Pa')
         """
+        self._expect_stress()
+        return self._stress(measure, at)
+
+    def _stress(self, measure: str, at: str) -> Floats:
         response = self._response.even() if at == "nodes" else self._response
         return response.at(response.stress(measure), at)
+
+    def _expect_stress(self) -> None:
+        """Raises where there is no stress, and warns where there is one that may not be relied on."""
+
+    def _expect_deviatoric_stress(self) -> None:
+        """The same for what is free of the pressure."""
+        self._expect_stress()
 
     def __getitem__(self, organ: str) -> Moved:
         """The part of one organ of a `Scene`, by its name.
@@ -154,7 +165,8 @@ class Deformed:
         >>> f"{state.von_mises('nodes').max():.0f} Pa"
         '5022 Pa'
         """
-        return von_mises(self.stress("cauchy", at))
+        self._expect_deviatoric_stress()
+        return von_mises(self._stress("cauchy", at))
 
     def energy_density(self, at: str = "cells") -> Floats:
         """Strain energy (m,) [J/m^3] per volume at rest; times the cells' volumes it adds up to `energy`.
@@ -323,6 +335,7 @@ class PointValues:
         >>> state.at([[0.1, 0.1, 0.19]]).stress()[0, 0, 0].round().item()  # along the beam
         2863.0
         """
+        self._of._expect_stress()
         return self._within(self._of._response.even().stress(Choice(STRESSES)(measure, "the stress")))
 
     def strain(self, measure: str = "green") -> Floats:

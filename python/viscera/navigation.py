@@ -159,8 +159,8 @@ class _Search:
                 return f"cell {inverted} would be inverted without the loads"
             try:
                 organ = self.at(X)
-            except VisceraError as error:  # organs that would lie in each other
-                return f"without the loads, {str(error).partition('. ')[0]}"
+            except VisceraError as overlap:  # of organs
+                return f"without the loads, {str(overlap).partition('. ')[0]}"
             start = state if np.isfinite(organ._body.energy(state.displacement)) else None
             state = organ.solve(**loads, start=start, settings=TIGHT)
             if not state.is_converged:

@@ -56,6 +56,40 @@ class Path:
     expansions: list[Expansion]
     organ: Organ = field(repr=False)
     """The organ whose path it is."""
+    until: float = 1.0
+    """The load factor that was asked for."""
+
+    @property
+    def load(self) -> float:
+        """Load factor at the end of the path."""
+        last = self.expansions[-1]
+        return last.at(last.range)[0]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the path reaches the load that was asked for."""
+        return self.load >= self.until * (1.0 - 1e-9)
+
+    @property
+    def message(self) -> str:
+        """Why the path ends before that load; empty if it does not.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> path = beam.path(force={"tip": (0, 0, -10.0)}, order=3, max_expansions=2)
+        >>> path.is_complete, path.message.partition(";")[2]
+        (False, ' allow more of them, a higher order or a larger tolerance')
+        """
+        if self.is_complete:
+            return ""
+        end, count = f"the path ends at load {self.load:.3g} of {self.until:g}", len(self.expansions)
+        if self.expansions[-1].range > 0.0 and self.expansions[-1].is_stable:
+            return f"{end} after {count} expansions; allow more of them, a higher order or a larger tolerance"
+        return f"{end} after {count} expansions, unstable or singular there; an arc length passes limit points"
+
+    def __repr__(self) -> str:
+        words = [f"{len(self.expansions)} expansions", f"load {self.load:.3g}", self.message]
+        return f"Path({', '.join(filter(None, words))})"
 
     def curve(self, samples: int = 10) -> tuple[Floats, Floats]:
         """Load factors (k,) and displacements (k, n, 3) [m] at equal steps of a within every expansion."""

@@ -22,11 +22,14 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.progress import Progress
-from viscera.quantity import path_of
+from viscera.quantity import Number, path_of
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
+
+FACTOR = Number()
+"""Of the load: any finite number."""
 
 Place = int | np.integer[Any] | ArrayLike
 """Where the load acts: a node among the positions, or a point (3,) [m] of the surface that the positions span."""
@@ -89,7 +92,7 @@ class Pgd:
 
         Between positions the modes G are interpolated linearly over the surface triangle.
         """
-        order = self._order(order)
+        order, a = self._order(order), FACTOR(a, "the load factor a")
         if pade:
             series = self.series(s, order).reshape(order + 1, -1)
             return _core.vector_pade(series, float(a)).reshape(self.mesh.points.shape)
@@ -106,7 +109,7 @@ class Pgd:
 
     def force(self, s: Place, a: float = 1.0) -> Floats:
         """The nodal forces (n, 3) [N] of a times the load at s: what `Organ.solve` takes to compare."""
-        nodal = np.zeros(3 * len(self.mesh.points))
+        nodal, a = np.zeros(3 * len(self.mesh.points)), FACTOR(a, "the load factor a")
         for index, share in zip(*self._locate(s), strict=True):
             dofs, unit = self.units[index]
             nodal[dofs] += a * self.load * share * unit

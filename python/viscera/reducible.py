@@ -99,16 +99,7 @@ class Reducible(Supported):
             raise refused("vary", 'a viscera.Vary, such as Vary("young", 1e3, 1e5)', vary)
         if start is not None and not isinstance(start, State):
             raise refused("the state to reduce about", "a State, as solve returns it", start)
-        if not self.law.is_analytic:
-            if isinstance(self.law, StrainEnergy):
-                raise VisceraError(
-                    "max, min and step have no power series at the point where they switch, so a reduced model of this "
-                    "formula could be wrong; write it without them, or use solve"
-                )
-            raise VisceraError(
-                "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
-                "are compressed; reduce with bear_compression=True, or use solve"
-            )
+        self._require_series()
         self._require_linear_ties()
         nodes = self.touchable(touchable, radius)
         narrowest = vary.on(self.mesh).low if vary is not None and vary.name == "radius" else radius
@@ -200,6 +191,7 @@ class Reducible(Supported):
         >>> model.displacement((1, 0.1, 0.1), a=0.5).shape
         (525, 3)
         """
+        self._require_series()
         self._require_linear_ties()
         order = Whole(1, 15)(order, "order")
         max_terms = Whole(1, 10_000)(max_terms, "max_terms")
@@ -217,6 +209,19 @@ class Reducible(Supported):
             enrichment=None if tolerance is None else {"tolerance": TOLERANCE(tolerance, "tolerance"), **rules},
             progress=progress,
         )
+
+    def _require_series(self) -> None:
+        """Raises for a law without a power series about rest."""
+        if not self.law.is_analytic:
+            if isinstance(self.law, StrainEnergy):
+                raise VisceraError(
+                    "max, min and step have no power series at the point where they switch, so a reduced model of this "
+                    "formula could be wrong; write it without them, or use solve"
+                )
+            raise VisceraError(
+                "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
+                "are compressed; reduce with bear_compression=True, or use solve"
+            )
 
     def _require_linear_ties(self) -> None:
         self._refuse_bodies()

@@ -150,6 +150,8 @@ class Statics(Supported):
         Each expansion is u(a) = sum_p a^p u_p, where all orders share one tangent. The next one begins at the end of
         its range. The parameter a is the "load", or the "arc length", which passes limit points.
         force, traction, pressure: as in `solve`, at load 1. A pressure follows the surface.
+        tolerance: relative accuracy of the displacement over an expansion; its range is chosen by it.
+        A path that ends before `until` is returned as far as it goes; `Path.message` says why.
         A law with a switch (fibres that go slack, max, min) ends an expansion wherever one turns over; if that takes
         more than `max_expansions`, it is an error.
         Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
@@ -179,7 +181,7 @@ class Statics(Supported):
             tolerance=tolerance,
             max_expansions=max_expansions,
         )
-        return Path([Expansion(**expansion) for expansion in expansions], self._organ)
+        return Path([Expansion(**expansion) for expansion in expansions], self._organ, until)
 
     def _dead_forces(self, force: Forces | None, traction: Tractions | None) -> Floats:
         applied = dead_forces(self.mesh, self.fixed, force, traction)

@@ -91,3 +91,27 @@ def test_a_path_that_switches_end_says_so() -> None:
     organ = vs.Organ(vs.organs.beam(), SWITCHES[0], fixed="clamp", element="P1")
     with pytest.raises(vs.VisceraError, match="of 1 after 3 expansions; allow more expansions or a larger tolerance"):
         organ.path(force={"tip": (0.0, 0.0, -0.2)}, max_expansions=3)
+
+
+def test_a_path_says_why_it_ends_early(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    load = {"tip": (0, 0, -4.0)}
+    short, whole = organ.path(force=load, order=2, max_expansions=3), organ.path(force=load)
+    assert not short.is_complete
+    assert short.load < 0.9
+    assert repr(short) == f"Path(3 expansions, load {short.load:.3g}, {short.message})"
+    assert short.message.endswith("after 3 expansions; allow more of them, a higher order or a larger tolerance")
+    assert whole.is_complete
+    assert whole.message == ""
+    assert whole.load == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("order", [8, 10, 15])
+def test_no_limit_point_is_stable(block: Any, order: int) -> None:
+    """A pressed column of Saint Venant and Kirchhoff's law: its load has a maximum, where the tangent is singular."""
+    mesh = vs.mesh(*block((6, 2, 2), (1.0, 0.2, 0.2)))
+    organ = vs.Organ(mesh, vs.SaintVenantKirchhoff(young=1e5, poisson=0.3), fixed="x < 1%")
+    path = organ.path(force={"x > 99%": (-400.0, 1.0, 0.0)}, order=order)
+    assert path.load == pytest.approx(0.2183, abs=1e-3)
+    assert not path.expansions[-1].is_stable
+    assert "unstable or singular there" in path.message

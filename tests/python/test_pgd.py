@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -150,3 +151,30 @@ def test_what_is_refused(organ: vs.Organ, direct: Pgd, top: np.ndarray, tmp_path
         direct.project(1.0)
     with pytest.raises(vs.VisceraError, match="different meshes or positions"):
         direct.errors(organ.pgd(top[top > top[2]], load=LOAD, order=1))
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        vs.HolzapfelGasserOgden(1e4, 8e3, 1.1, fibres=[(1, 0.5, 0), (1, -0.5, 0)], poisson=0.4),
+        vs.StrainEnergy("mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2 + mu*max(J - 1, 0)**2", mu=1e4, lam=1e4),
+    ],
+)
+def test_a_law_without_a_series_about_rest_is_refused(bar: vs.Mesh, law: vs.laws.Law) -> None:
+    with pytest.raises(vs.VisceraError, match=r"no power series (about rest|at the point)"):
+        vs.Organ(bar, law, fixed="root").pgd("tip", load=1.0, order=2)
+
+
+def test_supports_alone_hold_an_organ(bar: vs.Mesh) -> None:
+    bed = vs.ElasticSupport("root", stiffness=1e7)
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), supports=[bed])
+    model = organ.pgd("tip", load=0.5, order=6, tolerance=None)
+    node = int(model.positions[0])
+    assert relative(model.displacement(node), Newton(organ, model).displacement(node)) < 1e-4
+
+
+@pytest.mark.parametrize("factor", [float("nan"), float("inf"), "x", None])
+def test_a_load_factor_is_a_number(direct: Pgd, factor: Any) -> None:
+    for ask in (direct.displacement, direct.force):
+        with pytest.raises(vs.VisceraError, match="load factor a must be"):
+            ask(int(direct.positions[0]), factor)

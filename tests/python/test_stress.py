@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from types import ModuleType
 
@@ -216,3 +217,33 @@ def test_a_quadratic_probe_follows_the_quadratic_shape(cube: vs.Mesh) -> None:
     shape = organ.moved(bent(organ.mesh.points))
     places = np.random.default_rng(2).uniform(0.0, 0.1, (50, 3))
     assert shape.at(places).displacement == pytest.approx(bent(places), abs=1e-15)
+
+
+@pytest.mark.parametrize(("poisson", "is_right"), [(0.3, True), (0.499, False)])
+def test_an_answer_says_what_its_pressure_is_worth(bar: vs.Mesh, poisson: float, is_right: bool) -> None:
+    """In nearly incompressible tissue pressure feels errors of the displacement that its von Mises stress does not."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=poisson), fixed="root")
+    touch = organ.reduce("tip", depth="5%")
+    point, push = organ.mesh.points[organ.touchable("tip")[3]], (0.003, 0.004, -0.008)
+    answer, full = touch(point, push), organ.solve(displacement={touch.patch(point): push})
+    assert answer.is_shape_trusted
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert np.linalg.norm(answer.von_mises() - full.von_mises()) < 0.02 * np.linalg.norm(full.von_mises())
+        assert not said
+        error = np.linalg.norm(answer.pressure() - full.pressure()) / np.linalg.norm(full.pressure())
+        answer.at([point]).stress()
+        answer.fields()
+    assert answer.stress_error_estimate > 0.5 * error
+    assert (answer.stress_error_estimate < 0.25) == is_right
+    assert (error < 0.25) == is_right
+    assert all("its pressure is not to be relied on" in str(each.message) for each in said)
+    assert bool(said) != is_right
+
+
+def test_points_of_a_frame_have_no_stress_where_tissue_relaxes(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    frame = organ.stepper(time_step=0.01, relaxation=vs.Prony(g=[0.5], tau=[0.1])).frame({"tip": (None, None, -0.001)})
+    for ask in (frame.stress, frame.von_mises, frame.pressure, frame.at([(0.3, 0.05, 0.05)]).stress):
+        with pytest.raises(vs.VisceraError, match="depends on its past"):
+            ask()

@@ -75,7 +75,7 @@ impl Pgd {
     ) -> Result<Vec<Order>, Error> {
         self.check()?;
         let clock = Instant::now();
-        if fixed.is_empty() {
+        if fixed.is_empty() && body.ties().is_none() {
             return Err(Error::input("nothing is fixed; an organ that floats cannot be pushed"));
         }
         let system = ConstrainedSystem::at(body, &vec![0.0; body.n_dofs()], fixed)?;

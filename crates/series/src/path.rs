@@ -25,6 +25,9 @@ const TOLERANCE: f64 = 1e-12;
 /// Largest number of iterations of such a solution.
 const MAX_ITERATIONS: usize = 60;
 
+/// Range of an expansion over the longest before it, below which the path does not pass: its tangent becomes singular.
+const STUCK: f64 = 1e-6;
+
 /// The parameter of the series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
@@ -128,6 +131,7 @@ impl Continuation {
             is_hindered: false,
         };
         let (mut expansions, mut prepared) = (Vec::<Expansion>::new(), follower.prepare());
+        let mut longest = 0.0f64;
         for _ in 0..self.max_expansions {
             prepared?;
             if !go_on() {
@@ -146,9 +150,12 @@ impl Continuation {
                 (expansion, _) => expansion?.ok_or_else(|| follower.no_way_on())?,
             };
             prepared = follower.prepare();
-            expansion.is_stable = prepared.is_ok() && follower.system.n_negative() == Some(0);
             let is_last = follower.load() >= self.until * (1.0 - 1e-9);
-            let stuck = !(expansion.range > 0.0);
+            longest = longest.max(expansion.range);
+            let least = if follower.has_switch { 0.0 } else { STUCK * longest };
+            let stuck = !(expansion.range > least);
+            let is_definite = prepared.is_ok() && follower.system.n_negative() == Some(0);
+            expansion.is_stable = is_definite && (is_last || !stuck);
             expansions.push(expansion);
             if is_last || stuck {
                 return Ok(expansions);
