@@ -73,7 +73,7 @@ impl Parts {
             let nodes = if k == 0 { 0 } else { ends[k - 1] }..ends[k];
             let low = if k <= 1 { 0 } else { coupled[k - 1] };
             let high = if k + 2 >= ends.len() { n } else { coupled[k + 1] };
-            let window = if k % 2 == 0 { nodes.clone() } else { low..high };
+            let window = if k.is_multiple_of(2) { nodes.clone() } else { low..high };
             Part { nodes, window }
         };
         Parts { all: (0..ends.len()).map(of).collect() }
