@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from viscera.curves import MODES
 from viscera.errors import VisceraError
+from viscera.fitting.accuracy import spread
 from viscera.fitting.families import family
 from viscera.fitting.homogeneous import drucker_range
 from viscera.fitting.materialtest import MaterialTest
@@ -51,7 +52,8 @@ class Fit:
     parameters: dict[str, float]
     """Coefficients [Pa] and exponents."""
     intervals: dict[str, tuple[float, float] | None]
-    """Confidence intervals of 95 % from the linearised problem; none if a bound is active or the data say nothing."""
+    """Confidence intervals of 95 % from the linearised problem; none of a parameter at its bound, or if the data say
+    nothing. A parameter at its bound widens the others' intervals as if it were free."""
     standard_error: float
     """sqrt(SSE / (n - p)) [Pa], n different points off rest, p parameters; infinite if n = p."""
     sse: float
@@ -220,14 +222,13 @@ def _result(problem: Problem) -> Fit:
     told = _telling(problem.tests)
     n, p = int(told.sum()), len(values)
     residual, weight = (stress - problem.target)[told], problem.weight[told]
+    weighted = weight[:, None] * jacobian[told]
     sse = float((residual**2).sum())
-    half = np.full(p, np.nan)
-    spread = _spread(weight[:, None] * jacobian[told][:, free], weight * residual, n - p)
-    if spread is not None:
-        half[free] = spread * float(t.ppf(0.5 + 0.5 * CONFIDENCE, n - p))
+    deviations = spread(weighted, weight * residual, n - p)
+    half = np.full(p, np.nan) if deviations is None else deviations * float(t.ppf(0.5 + 0.5 * CONFIDENCE, n - p))
     intervals = {
-        name: None if np.isnan(h) else (float(v - h), float(v + h))
-        for name, v, h in zip(problem.kind.names, values, half, strict=True)
+        name: (float(v - h), float(v + h)) if is_free and np.isfinite(h) else None
+        for name, v, h, is_free in zip(problem.kind.names, values, half, free, strict=True)
     }
     modes = dict.fromkeys(test.mode for test in problem.tests)
     splits = np.cumsum([test.n_points for test in problem.tests])[:-1]
@@ -243,16 +244,3 @@ def _result(problem: Problem) -> Fit:
         stresses=tuple(np.split(stress, splits)),
         name=problem.kind.name,
     )
-
-
-def _spread(jacobian: Floats, residual: Floats, freedom: int) -> Floats | None:
-    """Standard deviations of the parameters; none without freedom, or if a combination of them is undetermined."""
-    size = np.linalg.norm(jacobian, axis=0)
-    if freedom == 0 or jacobian.shape[1] == 0 or not size.all():
-        return None
-    scaled = jacobian / size
-    singular = np.linalg.svd(scaled, compute_uv=False)
-    if singular[-1] < 1e-10 * singular[0]:
-        return None
-    covariance = np.linalg.inv(scaled.T @ scaled) * float(residual @ residual) / freedom
-    return np.asarray(np.sqrt(np.diag(covariance)) / size)
