@@ -90,6 +90,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert (covered / runs < 1.0).all()
 
 
+def test_a_shear_test_leaves_a_law_out_of_the_ranking(tmp_path: Path) -> None:
+    shear = np.linspace(0.05, 0.5, 10)
+    write_curve(tmp_path / "a.csv", "stretch,stress", shear, 1000.0 * shear + np.cos(20.0 * shear))
+    assert main(["fit", str(tmp_path / "a.csv"), "--mode", "simple shear", "--json", str(tmp_path / "r.json")]) == 0
+    assert "do not tell c1 and c2 of MooneyRivlin apart" in json.loads((tmp_path / "r.json").read_text())["left_out"][0]
+
+
 def test_aic_prefers_the_law_that_made_the_curve() -> None:
     test = noisy("uniaxial", vs.NeoHookean(mu=800.0, lam=1e5), 8.0)
     laws = [vs.fit("NeoHookean", test), vs.fit("Yeoh", test, terms=1), vs.fit("Yeoh", test, terms=3)]

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import viscera as vs
+from viscera.fitting.accuracy import confused
+from viscera.fitting.families import family
 from viscera.fitting.homogeneous import incompressible_stress
+from viscera.fitting.problem import Problem
 from viscera.mesh import Floats
 
 
@@ -25,3 +29,42 @@ def test_intervals_beside_a_parameter_at_its_bound_hold_the_truth() -> None:
     assert len(bands) > 20
     for told, truth in zip(np.array(bands, dtype=float).transpose(1, 0, 2), truths.values(), strict=True):
         assert np.mean((told[:, 0] <= truth) & (truth <= told[:, 1])) >= 0.93
+
+
+@pytest.mark.parametrize("modes", [("simple shear",), ("pure shear",), ("simple shear", "pure shear")])
+def test_tests_that_do_not_tell_parameters_apart_are_refused(modes: tuple[str, ...]) -> None:
+    law = vs.MooneyRivlin(300.0, 200.0, kappa=1e6)
+    parameters = {"simple shear": np.linspace(0.05, 0.8, 15), "pure shear": np.linspace(1.05, 1.8, 15)}
+    tests = [noisy(mode, law, parameters[mode], 1.0) for mode in modes]
+    with pytest.raises(
+        vs.VisceraError, match="do not tell c1 and c2 of MooneyRivlin apart; add a test of another kind"
+    ):
+        vs.fit("MooneyRivlin", tests)
+    found = vs.fit("MooneyRivlin", [*tests, noisy("uniaxial", law, np.linspace(0.5, 1.8, 30), 1.0)])
+    assert found.parameters["c1"] == pytest.approx(300.0, rel=0.02)
+
+
+def test_shear_to_both_sides_says_no_more_than_to_one() -> None:
+    two_sided = vs.MaterialTest("simple shear", [-0.2, -0.1, 0.1, 0.2], [-202, -99, 101, 200])
+    with pytest.raises(vs.VisceraError, match="points at 2 stretches off rest"):
+        vs.fit("Yeoh", two_sided)
+    assert vs.fit("Yeoh", two_sided, terms=2).is_ranked
+    stretch = np.array([1.0 / 1.2, 1.0 / 1.1, 1.1, 1.2])  # the invariants of k and 1 / k in pure shear are the same
+    reciprocal = vs.MaterialTest("pure shear", stretch, 1000.0 * (stretch - stretch**-3))
+    with pytest.raises(vs.VisceraError, match="do not tell c10 and c20 and c30 of Yeoh apart"):
+        vs.fit("Yeoh", reciprocal)
+    assert vs.fit("Yeoh", reciprocal, terms=2).is_ranked
+
+
+def test_laws_of_many_terms_are_found_from_a_test_that_hardly_tells_them_apart() -> None:
+    test = noisy("simple shear", vs.Ogden([700.0, -60.0], [2.5, -4.0], poisson=0.49), np.linspace(0.01, 0.2, 15), 0.0)
+    assert vs.fit("Ogden", test, terms=3).standard_error < 0.01
+
+
+def test_terms_that_no_test_would_tell_apart_are_no_fault_of_the_tests() -> None:
+    stretch = np.linspace(0.6, 1.5, 10)
+    test = vs.MaterialTest("uniaxial", stretch, 900.0 * (stretch - stretch**-2))
+    alike = Problem(family("Ogden", 2), (test,), np.ones(1), 0.499, True)
+    values = np.array([500.0, 400.0, 2.0, 2.0])
+    assert confused(alike, values, alike.derivatives(values)[1]) == []
+    assert vs.fit("Ogden", test, terms=3).standard_error < 1e-6

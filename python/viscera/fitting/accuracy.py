@@ -1,13 +1,22 @@
-"""How well tests determine the parameters of a law: standard deviations."""
+"""How well tests determine the parameters of a law: standard deviations, and coefficients not told apart."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from viscera.fitting.materialtest import MaterialTest
+from viscera.fitting.problem import Problem
 from viscera.mesh import Floats
 
 DEPENDENT = 1e-10
 """Smallest singular value over the largest below which derivatives, in units of their norms, are dependent."""
+TOLD = 1e-3
+"""Part of its summands' size above which a sum of derivatives is not zero in another test."""
+PART = 1e-3
+"""Part of the largest above which a coefficient takes part in a combination."""
+OTHER_TESTS = tuple(
+    MaterialTest(mode, [0.7, 0.85, 1.15, 1.3], [-2.0, -1.0, 1.0, 2.0], mode) for mode in ("uniaxial", "equibiaxial")
+)
 
 
 def spread(jacobian: Floats, residual: Floats, freedom: int) -> Floats | None:
@@ -24,3 +33,25 @@ def spread(jacobian: Floats, residual: Floats, freedom: int) -> Floats | None:
         return None
     deviation = np.sqrt(float(residual @ residual) / freedom)
     return np.asarray(deviation * np.linalg.norm(directions / singular[:, None], axis=0) / size)
+
+
+def confused(problem: Problem, values: Floats, jacobian: Floats) -> list[str]:
+    """Coefficients of which the tests determine only a combination, although other tests would tell them apart.
+
+    Coefficients that no test tells apart, such as those of two terms of one exponent, belong to one and the same law.
+    """
+    n = len(problem.kind.coefficients)
+    size = np.maximum(np.linalg.norm(jacobian[:, :n], axis=0), np.finfo(float).tiny)
+    _, singular, directions = np.linalg.svd(jacobian[:, :n] / size, full_matrices=False)
+    rank = int((singular >= DEPENDENT * singular[0]).sum())
+    if rank == n:
+        return []
+    plain = Problem(problem.kind, OTHER_TESTS, np.ones(len(OTHER_TESTS)), problem.poisson, True)
+    elsewhere = plain.derivatives(values)[1][:, :n] / size
+    names = set[str]()
+    for direction in directions[rank:]:
+        summands = elsewhere * direction
+        if np.linalg.norm(summands.sum(axis=1)) > TOLD * np.linalg.norm(summands):
+            parts = np.flatnonzero(np.abs(direction) > PART * np.abs(direction).max())
+            names |= {problem.kind.coefficients[k] for k in parts}
+    return [name for name in problem.kind.coefficients if name in names]

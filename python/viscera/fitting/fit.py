@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from viscera.curves import MODES
 from viscera.errors import VisceraError
-from viscera.fitting.accuracy import spread
+from viscera.fitting.accuracy import confused, spread
 from viscera.fitting.families import family
 from viscera.fitting.homogeneous import drucker_range
 from viscera.fitting.materialtest import MaterialTest
@@ -154,7 +154,8 @@ def fit(
     of_specimens = any(isinstance(test, SpecimenTest) for test in curves)
     make = SpecimenProblem if of_specimens else Problem
     problem = make(kind, curves, np.sqrt(counts), poisson, incompressible)
-    n, p = len(np.unique(_points(curves)[_telling(curves)][:, :2], axis=0)), len(kind.names)
+    # Stress is odd in the shear: a shear to the other side says nothing new.
+    n, p = len(np.unique(np.abs(_points(curves)[_telling(curves)][:, :2]), axis=0)), len(kind.names)
     if n < p:
         stretches = "1 stretch" if n == 1 else f"{n} stretches"
         raise Undetermined(f"{kind.name} has {p} parameters; points at {stretches} off rest cannot determine them")
@@ -223,6 +224,7 @@ def _result(problem: Problem) -> Fit:
     n, p = int(told.sum()), len(values)
     residual, weight = (stress - problem.target)[told], problem.weight[told]
     weighted = weight[:, None] * jacobian[told]
+    _check_told_apart(problem, found, weighted)
     sse = float((residual**2).sum())
     deviations = spread(weighted, weight * residual, n - p)
     half = np.full(p, np.nan) if deviations is None else deviations * float(t.ppf(0.5 + 0.5 * CONFIDENCE, n - p))
@@ -244,3 +246,12 @@ def _result(problem: Problem) -> Fit:
         stresses=tuple(np.split(stress, splits)),
         name=problem.kind.name,
     )
+
+
+def _check_told_apart(problem: Problem, values: Floats, jacobian: Floats) -> None:
+    alike = confused(problem, values, jacobian)
+    if alike:
+        raise Undetermined(
+            f"these tests do not tell {' and '.join(alike)} of {problem.kind.name} apart; add a test of another kind, "
+            "or fit a law with fewer parameters"
+        )
