@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.cli import main
 from viscera.fitting.accuracy import confused
 from viscera.fitting.families import family
 from viscera.fitting.homogeneous import incompressible_stress
@@ -68,3 +72,29 @@ def test_terms_that_no_test_would_tell_apart_are_no_fault_of_the_tests() -> None
     values = np.array([500.0, 400.0, 2.0, 2.0])
     assert confused(alike, values, alike.derivatives(values)[1]) == []
     assert vs.fit("Ogden", test, terms=3).standard_error < 1e-6
+
+
+def test_a_compressible_law_that_misses_the_curve_of_its_fit_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stretch = np.linspace(0.6, 1.4, 9)
+    test = vs.MaterialTest("uniaxial", stretch, 900.0 * (stretch - stretch**-2))
+    for poisson in (0.3, 0.45, 0.499):
+        found = vs.fit("NeoHookean", test, poisson=poisson)
+        own = found.law.curve("uniaxial", (0.6, 1.0))[1][0]
+        off = abs(own / test.stress[0] - 1.0)
+        assert found.compressibility_error == pytest.approx(off, rel=1e-3)
+        assert found.is_followed_by_law == (off < 0.02) == (poisson == 0.499)
+        assert (f"law with its bulk modulus up to {off:.1%} off" in repr(found)) != found.is_followed_by_law
+    compressible = vs.fit("NeoHookean", test, poisson=0.3, incompressible=False)
+    assert compressible.is_followed_by_law
+    shear = vs.MaterialTest("simple shear", [0.1, 0.2], [90.0, 180.0])  # keeps the volume
+    assert vs.fit("NeoHookean", shear, poisson=0.3).compressibility_error == pytest.approx(0.0, abs=1e-9)
+    rows = "\n".join(f"{k:.9g},{s:.9g}" for k, s in zip(stretch, test.stress, strict=True))
+    (tmp_path / "a.csv").write_text(f"stretch,stress\n{rows}\n")
+    words = ["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]
+    for options, is_told in ((["--poisson", "0.3"], True), ([], False)):
+        assert main([*words, *options]) == 0
+        assert ("up to 25.5% of the largest stress off the fit" in capsys.readouterr().out) == is_told
+        (facts,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+        assert facts["followed_by_law"] != is_told

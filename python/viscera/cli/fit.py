@@ -89,6 +89,12 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say("\n".join(_intervals(best)))
     for test, error in best.errors().items():
         output.say(f"root-mean-square error of {test}: {error:.4g} Pa")
+    if not best.is_followed_by_law:
+        output.say(
+            f"with a Poisson's ratio of {args.poisson:g} the law is compressible, and up to "
+            f"{best.compressibility_error:.1%} of the largest stress off the fit, which is incompressible: intervals "
+            "and errors are not the law's; take a --poisson nearer to 0.5"
+        )
     if args.plot is not None:
         best.plot(args.plot)
         output.say(f"picture: {args.plot}")
@@ -236,4 +242,6 @@ def _json(found: Fit) -> dict[str, Any]:
         "stable": found.is_stable,
         "stable_range": found.stable,
         "errors": found.errors(),
+        "compressibility_error": found.compressibility_error,
+        "followed_by_law": found.is_followed_by_law,
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from numbers import Real
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from viscera.curves import MODES
 from viscera.errors import VisceraError
 from viscera.fitting.accuracy import confused, spread
 from viscera.fitting.families import family
-from viscera.fitting.homogeneous import drucker_range
+from viscera.fitting.homogeneous import compressibility_error, drucker_range
 from viscera.fitting.materialtest import MaterialTest
 from viscera.fitting.problem import Problem
 from viscera.fitting.specimen import SpecimenProblem, SpecimenTest
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CONFIDENCE = 0.95
+LARGEST_COMPRESSIBILITY_ERROR = 0.02
+"""Part of the largest stress up to which a law with its bulk modulus follows a fit with det F = 1."""
 AT_REST = 1e-9
 """Stretch less 1, or shear, below which every law gives the same stress: none."""
 
@@ -48,7 +51,7 @@ class Fit:
     """
 
     law: Law
-    """The fitted law, with the Poisson's ratio that the fit was given."""
+    """The fitted law, with the Poisson's ratio that the fit was given; see `is_followed_by_law`."""
     parameters: dict[str, float]
     """Coefficients [Pa] and exponents."""
     intervals: dict[str, tuple[float, float] | None]
@@ -67,8 +70,10 @@ class Fit:
     """By deformation: the part of the fitted range in which the law is stable after Drucker."""
     tests: tuple[MaterialTest, ...]
     stresses: tuple[Floats, ...]
-    """The law's nominal stress [Pa] at the points of each test."""
+    """The fitted nominal stress [Pa] at the points of each test: with `incompressible`, that with det F = 1."""
     name: str
+    incompressible: bool
+    """Whether the homogeneous tests were fitted with det F = 1, in place of the bulk modulus of `law`."""
 
     @property
     def is_stable(self) -> bool:
@@ -85,6 +90,38 @@ class Fit:
         """
         return bool(np.isfinite(self.aic))
 
+    @cached_property
+    def compressibility_error(self) -> float:
+        """Largest stress that `law`, with its own bulk modulus, is off the fitted one, as a part of the largest fitted.
+
+        Over the range of each homogeneous deformation, as far as the law has a state there; zero if the fit itself was
+        with the law's bulk modulus.
+
+        >>> import viscera as vs
+        >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
+        >>> [round(vs.fit(vs.NeoHookean, test, poisson=nu).compressibility_error, 3) for nu in (0.3, 0.45, 0.499)]
+        [0.182, 0.049, 0.001]
+        """
+        homogeneous = [test for test in self.tests if not isinstance(test, SpecimenTest)]
+        if not self.incompressible or not homogeneous:
+            return 0.0
+        modes = dict.fromkeys(test.mode for test in homogeneous)
+        largest = max(float(np.abs(stress).max()) for stress in self.stresses)
+        return max(compressibility_error(self.law, mode, *_range(homogeneous, mode)) for mode in modes) / largest
+
+    @property
+    def is_followed_by_law(self) -> bool:
+        """Whether `law`, with its own bulk modulus, has the fitted stress within 2 % of the largest.
+
+        If not, `errors()`, `standard_error` and `intervals` are those of the incompressible form, not of `law`.
+
+        >>> import viscera as vs
+        >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
+        >>> vs.fit(vs.NeoHookean, test, poisson=0.3).is_followed_by_law
+        False
+        """
+        return self.compressibility_error <= LARGEST_COMPRESSIBILITY_ERROR
+
     def errors(self) -> dict[str, float]:
         """Root-mean-square error of each test by its name [Pa]; tests of one name have their number behind it, from 1.
 
@@ -98,7 +135,7 @@ class Fit:
         return {name: float(np.sqrt(np.mean((stress - test.stress) ** 2))) for name, test, stress in rows}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The measured points and the law's curve, a panel for each deformation. `path`: write a PNG file there.
+        """The measured points and the fitted curve, a panel for each deformation. `path`: write a PNG file there.
 
         >>> import viscera as vs
         >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
@@ -112,7 +149,9 @@ class Fit:
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
         stable = "stable" if self.is_stable else "NOT stable over the range fitted"
         errors = f"standard error {self.standard_error:.4g} Pa, AIC {self.aic:.1f}"
-        return f"Fit({self.name}: {values}; {errors if self.is_ranked else 'as many parameters as points'}, {stable})"
+        ranked = errors if self.is_ranked else "as many parameters as points"
+        off = f", law with its bulk modulus up to {self.compressibility_error:.1%} off"
+        return f"Fit({self.name}: {values}; {ranked}, {stable}{'' if self.is_followed_by_law else off})"
 
 
 def fit(
@@ -128,7 +167,8 @@ def fit(
 
     law: a class such as `vs.Ogden`, or its name; `terms` of Yeoh's or Ogden's sum.
     poisson: Poisson's ratio at small strain of the law returned; with `incompressible=False` the curves are computed
-        with it too, instead of with det F = 1.
+        with it too, instead of with det F = 1. A fit with det F = 1 is no fit of a law of low Poisson's ratio:
+        `is_followed_by_law` and `repr` then say so.
     weights: one for each test, of its squared errors (default: all points count the same).
 
     Errors, AIC and intervals count each different point off rest once: a point at rest, or one that is repeated, says
@@ -245,6 +285,7 @@ def _result(problem: Problem) -> Fit:
         tests=problem.tests,
         stresses=tuple(np.split(stress, splits)),
         name=problem.kind.name,
+        incompressible=problem.incompressible,
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from viscera.curves import MODES, equilibrium
+from viscera.curves import MODES, curve, equilibrium
 from viscera.errors import VisceraError
 from viscera.fitting.materialtest import MaterialTest
 from viscera.law import Law
@@ -63,6 +63,17 @@ def compressible_stress(law: Law, test: MaterialTest) -> Floats:
             F = state
             stress[point] = law.stress(F[None])[0][kind.component]
     return stress
+
+
+def compressibility_error(law: Law, mode: str, low: float, high: float) -> float:
+    """Largest difference [Pa] between the law's stress with its own bulk modulus and that with det F = 1.
+
+    Over a range around rest, as far as the compressible law has a state there.
+    """
+    parameter, stress = curve(law, mode, (low, high))
+    if len(parameter) < 2:
+        return 0.0
+    return float(np.abs(stress - incompressible_stress(law, MaterialTest(mode, parameter, stress))).max())
 
 
 def drucker_range(law: Law, mode: str, low: float, high: float, points: int = 60) -> tuple[float, float]:

@@ -24,7 +24,7 @@ class Problem:
     def __init__(
         self, kind: Family, tests: tuple[MaterialTest, ...], weights: Floats, poisson: float, incompressible: bool
     ) -> None:
-        self.kind, self.tests, self.poisson = kind, tests, poisson
+        self.kind, self.tests, self.poisson, self.incompressible = kind, tests, poisson, incompressible
         self.stress_of = incompressible_stress if incompressible else compressible_stress
         if not incompressible and len(kind.coefficients) > 1:
             raise VisceraError(
