@@ -187,7 +187,9 @@ def spline(places: Floats, found: Floats, at: Floats) -> Floats:
     return np.asarray(at + np.column_stack([-far, np.ones(len(at)), at]) @ c)
 
 
-def score(organ: vs.Organ, truth: Truth, seed: int, coverage: float, noise: float, seen_as: str) -> dict[str, float]:
+def score(
+    organ: vs.Organ, truth: Truth, seed: int, coverage: float, noise: float, seen_as: str = ""
+) -> dict[str, float]:
     """Mean target errors [m] of three registrations, the band, and the time."""
     at, now = targets(truth, organ)
     cloud = cloud_of(truth, seed, coverage, noise, seen_as)

@@ -69,6 +69,15 @@ class Response:
         turned = np.linalg.solve(self.gradient, sigma.swapaxes(-1, -2)).swapaxes(-1, -2)  # sigma F^-T
         return replace(self, pk1=np.asarray(self.volume_ratio[..., None, None] * turned))
 
+    def corner_forces(self) -> Floats:
+        """Forces f_a = V P grad N_a (m, 4, 3) [N] of the mean stress of each cell on its corners, alone."""
+        corners = self.mesh.points[self.mesh.cells[:, :4]]
+        edges = corners[:, 1:] - corners[:, :1]
+        slopes = np.linalg.inv(edges).swapaxes(1, 2)
+        slopes = np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
+        volumes = np.linalg.det(edges) / 6.0
+        return np.asarray(np.einsum("m,mij,maj->mai", volumes, self.pk1.mean(axis=1), slopes))
+
     def strain(self, measure: str) -> Floats:
         """Strain (m, q, 3, 3)."""
         Choice(STRAINS)(measure, "the strain")
