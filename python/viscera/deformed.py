@@ -74,7 +74,9 @@ class Deformed:
             taken to the nodes, except for the pressure, which is the mean of the cell.
         The stress is the one that the element balances: with "P1 mean volume" its pressure is that of the cluster.
         With the law `Linear` all three are the same. Nodes between two tissues get the mean of both sides, although
-        the stress may jump there. Raises `VisceraError` if a cell is inverted, except for "pk1".
+        the stress may jump there. Raises `VisceraError` if a cell is inverted, except for "pk1", and in
+        a frame of tissue that relaxes, because a frame does not hold the history. A reduced answer whose stress is not
+        balanced warns; see `Answer.stress_error_estimate`.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

@@ -2,7 +2,7 @@
 //! products are added one after the other, so that the sums do not depend on the number of threads.
 
 use super::columns::Upper;
-use super::prolongation::{MODES, Part, Prolongation};
+use super::prolongation::{MODES, Modal, Prolongation};
 use crate::neighbours::Neighbours;
 use crate::threads::share;
 use rayon::prelude::*;
@@ -243,6 +243,6 @@ fn add_product<const B: usize, const M: usize>(
 }
 
 #[inline(always)]
-fn widened<const B: usize>(block: &[Part; B]) -> [Wide; B] {
+fn widened<const B: usize>(block: &[Modal; B]) -> [Wide; B] {
     block.map(|row| Lanes(row.map(f64::from)))
 }

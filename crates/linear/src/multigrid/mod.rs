@@ -26,7 +26,7 @@ use blocks::Smoother;
 use columns::Upper;
 use galerkin::SQUARE;
 use parts::Parts;
-use prolongation::{MODES, Part, Prolongation, rigid_modes};
+use prolongation::{MODES, Modal, Prolongation, rigid_modes};
 
 /// Nodes up to which a level is solved by a factor.
 const COARSEST: usize = 64;
@@ -72,7 +72,7 @@ struct Coarsest {
     source: Vec<u32>,
     values: Vec<f64>,
     factor: Cholesky,
-    b: Vec<Part>,
+    b: Vec<Modal>,
     solution: Vec<f64>,
 }
 
@@ -274,13 +274,13 @@ impl<const B: usize, const W: usize> Level<B, W> {
     }
 
     /// Smooths from zero, and hands the residual down.
-    fn descend(&mut self, below: &mut [Part]) {
+    fn descend(&mut self, below: &mut [Modal]) {
         let Level { smoother, prolongation, b, x, .. } = self;
         prolongation.restrict_negative(smoother.forward(b, x), below);
     }
 
     /// Takes the correction from below, and smooths.
-    fn ascend(&mut self, below: &[Part]) {
+    fn ascend(&mut self, below: &[Modal]) {
         let Level { smoother, prolongation, b, x, .. } = self;
         prolongation.prolongate(below, x);
         smoother.backward(b, x);
@@ -332,7 +332,7 @@ impl Coarsest {
         Ok(Coarsest {
             factor: Cholesky::analyze(&pattern)?,
             values: vec![0.0; source.len()],
-            b: vec![Part::default(); upper.n()],
+            b: vec![Modal::default(); upper.n()],
             solution: vec![0.0; pattern.n],
             pattern,
             source,

@@ -10,8 +10,8 @@ use viscera_number::simd::{Kernel, dispatch};
 /// Rigid-body modes, and so unknowns of an aggregate.
 pub(super) const MODES: usize = 6;
 
-/// A node's part in the modes of an aggregate; two lanes of padding.
-pub(super) type Part = [f32; 8];
+/// A number for each mode of an aggregate; two lanes of padding.
+pub(super) type Modal = [f32; 8];
 
 /// A mode that the others of its aggregate leave less of is one of them: nodes in a line turn about it in vain.
 const RANK_TOLERANCE: f64 = 1e-10;
@@ -63,9 +63,9 @@ pub(super) struct Prolongation<const B: usize> {
     /// The aggregate of each node.
     pub aggregate: Vec<u32>,
     /// Its orthonormal modes at each node, by rows.
-    pub tentative: Vec<[Part; B]>,
+    pub tentative: Vec<[Modal; B]>,
     pub pattern: Reach,
-    pub blocks: Vec<[Part; B]>,
+    pub blocks: Vec<[Modal; B]>,
     /// Unknowns of the next level that stand for a mode.
     has_unknown: Vec<bool>,
     /// The parts in which threads share the nodes, and the aggregates of each, from the first to the last.
@@ -99,8 +99,8 @@ impl<const B: usize> Prolongation<B> {
             parts: nodes.map(|nodes| (nodes.clone(), reached(&nodes))).collect(),
             n_coarse: aggregates.count(),
             aggregate: aggregates.of.clone(),
-            tentative: vec![[Part::default(); B]; n],
-            blocks: vec![[Part::default(); B]; pattern.column.len()],
+            tentative: vec![[Modal::default(); B]; n],
+            blocks: vec![[Modal::default(); B]; pattern.column.len()],
             pattern,
             has_unknown: vec![false; MODES * aggregates.count()],
         }
@@ -117,7 +117,7 @@ impl<const B: usize> Prolongation<B> {
 
     /// A node's aggregates and blocks.
     #[inline(always)]
-    pub fn row(&self, node: usize) -> (&[u32], &[[Part; B]]) {
+    pub fn row(&self, node: usize) -> (&[u32], &[[Modal; B]]) {
         let places = self.pattern.places(node..node + 1);
         (&self.pattern.column[places.clone()], &self.blocks[places])
     }
@@ -151,17 +151,17 @@ impl<const B: usize> Prolongation<B> {
     }
 
     /// `r_coarse = -Pᵀ x`: parts add up what is theirs, and the sums are added part by part.
-    pub fn restrict_negative<const W: usize>(&self, x: &[[f32; W]], coarse: &mut [Part]) {
-        let of_part = |(nodes, reached): &(Range<usize>, Range<usize>), sums: &mut [Part]| {
+    pub fn restrict_negative<const W: usize>(&self, x: &[[f32; W]], coarse: &mut [Modal]) {
+        let of_part = |(nodes, reached): &(Range<usize>, Range<usize>), sums: &mut [Modal]| {
             let (first, nodes) = (reached.start, nodes.clone());
             dispatch(Restrict { prolongation: self, x, nodes, first, sums });
         };
         if let [alone] = &self.parts[..] {
             return of_part(alone, &mut coarse[alone.1.clone()]);
         }
-        coarse.fill(Part::default());
+        coarse.fill(Modal::default());
         let sums = each(self.parts.iter().collect(), |part| {
-            let mut sums = vec![Part::default(); part.1.len()];
+            let mut sums = vec![Modal::default(); part.1.len()];
             of_part(part, &mut sums);
             sums
         });
@@ -173,7 +173,7 @@ impl<const B: usize> Prolongation<B> {
     }
 
     /// `x += P x_coarse`.
-    pub fn prolongate<const W: usize>(&self, coarse: &[Part], mut x: &mut [[f32; W]]) {
+    pub fn prolongate<const W: usize>(&self, coarse: &[Modal], mut x: &mut [[f32; W]]) {
         let mut tasks = Vec::with_capacity(self.parts.len());
         for (nodes, _) in &self.parts {
             let (own, rest) = std::mem::take(&mut x).split_at_mut(nodes.len());
@@ -190,7 +190,7 @@ struct Restrict<'a, const B: usize, const W: usize> {
     x: &'a [[f32; W]],
     nodes: Range<usize>,
     first: usize,
-    sums: &'a mut [Part],
+    sums: &'a mut [Modal],
 }
 
 impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
@@ -198,7 +198,7 @@ impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
 
     #[inline(always)]
     fn run(self) {
-        self.sums.fill(Part::default());
+        self.sums.fill(Modal::default());
         for (node, x) in self.nodes.clone().zip(&self.x[self.nodes]) {
             let (columns, blocks) = self.prolongation.row(node);
             for (&column, block) in columns.iter().zip(blocks) {
@@ -214,7 +214,7 @@ impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
 /// At the nodes of a part, of which `first` is the first.
 struct Prolongate<'a, const B: usize, const W: usize> {
     prolongation: &'a Prolongation<B>,
-    coarse: &'a [Part],
+    coarse: &'a [Modal],
     first: usize,
     x: &'a mut [[f32; W]],
 }
@@ -226,7 +226,7 @@ impl<const B: usize, const W: usize> Kernel for Prolongate<'_, B, W> {
     fn run(self) {
         for (node, x) in (self.first..).zip(self.x) {
             let (columns, blocks) = self.prolongation.row(node);
-            let mut products = [Part::default(); B];
+            let mut products = [Modal::default(); B];
             for (&column, block) in columns.iter().zip(blocks) {
                 let coarse = &self.coarse[column as usize];
                 for i in 0..B {

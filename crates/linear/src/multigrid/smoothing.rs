@@ -2,8 +2,8 @@
 
 use super::blocks::Smoother;
 use super::columns::Columns;
-use super::parts::{Part as Nodes, Turn, apart};
-use super::prolongation::{Part, Prolongation, Reach};
+use super::parts::{Part, Turn, apart};
+use super::prolongation::{Modal, Prolongation, Reach};
 use crate::threads::each;
 use std::ops::Range;
 use viscera_number::simd::{Kernel, dispatch};
@@ -14,10 +14,10 @@ impl<const B: usize> Prolongation<B> {
         let Prolongation { aggregate, tentative, pattern, blocks, .. } = self;
         let (aggregate, tentative, pattern) = (&aggregate[..], &tentative[..], &*pattern);
         let Smoother { parts, order, blocks: matrix, inverses, .. } = smoother;
-        blocks.fill([Part::default(); B]);
+        blocks.fill([Modal::default(); B]);
         for turn in [Turn::Even, Turn::Odd] {
             let windows = parts.of(turn).map(|part| pattern.places(part.window.clone()));
-            let of_part = |(out, part): (_, &Nodes)| {
+            let of_part = |(out, part): (_, &Part)| {
                 let (columns, nodes) = (&*order.columns, part.nodes.clone());
                 let first = pattern.places(part.window.clone()).start;
                 Products { columns, matrix, aggregate, tentative, pattern, nodes, first, out }
@@ -26,7 +26,7 @@ impl<const B: usize> Prolongation<B> {
             each(tasks.collect(), dispatch);
         }
         let places = parts.all().iter().map(|part| pattern.places(part.nodes.clone()));
-        let of_part = |(out, part): (_, &Nodes)| {
+        let of_part = |(out, part): (_, &Part)| {
             let nodes = part.nodes.clone();
             Step { inverses, omega, aggregate, tentative, pattern, nodes, out }
         };
@@ -40,11 +40,11 @@ struct Products<'a, const B: usize, const W: usize> {
     columns: &'a Columns,
     matrix: &'a [[[f32; W]; B]],
     aggregate: &'a [u32],
-    tentative: &'a [[Part; B]],
+    tentative: &'a [[Modal; B]],
     pattern: &'a Reach,
     nodes: Range<usize>,
     first: usize,
-    out: &'a mut [[Part; B]],
+    out: &'a mut [[Modal; B]],
 }
 
 impl<const B: usize, const W: usize> Kernel for Products<'_, B, W> {
@@ -73,10 +73,10 @@ struct Step<'a, const B: usize, const W: usize> {
     inverses: &'a [[[f32; W]; B]],
     omega: f32,
     aggregate: &'a [u32],
-    tentative: &'a [[Part; B]],
+    tentative: &'a [[Modal; B]],
     pattern: &'a Reach,
     nodes: Range<usize>,
-    out: &'a mut [[Part; B]],
+    out: &'a mut [[Modal; B]],
 }
 
 impl<const B: usize, const W: usize> Kernel for Step<'_, B, W> {
@@ -91,7 +91,7 @@ impl<const B: usize, const W: usize> Kernel for Step<'_, B, W> {
             let places = pattern.places(node..node + 1);
             for block in &mut out[places.start - first..places.end - first] {
                 let product = *block;
-                *block = [Part::default(); B];
+                *block = [Modal::default(); B];
                 add_product(|i, k| -omega * inverse[k][i], &product, block);
             }
             let own = &mut out[pattern.place(node, aggregate[node]) - first];
@@ -106,8 +106,8 @@ impl<const B: usize, const W: usize> Kernel for Step<'_, B, W> {
 #[inline(always)]
 fn add_product<const B: usize>(
     a: impl Fn(usize, usize) -> f32,
-    b: &[Part; B],
-    out: &mut [Part; B],
+    b: &[Modal; B],
+    out: &mut [Modal; B],
 ) {
     for i in 0..B {
         let mut row = out[i];
