@@ -224,6 +224,7 @@ def outcome(found: vs.Registered, at: Floats, now: Floats) -> dict[str, float]:
         "targets": float(len(at)),
         "converged": float(found.is_converged),
         "misfit": np.nan if found.misfit is None else found.misfit,
+        "systematic": np.nan if found.systematic_residual is None else found.systematic_residual,
         "poor": float(found.is_poor_fit),
     }
 
@@ -296,9 +297,18 @@ HEAD = (
 )
 
 
+def spanned(values: list[float]) -> str:
+    """Median and range."""
+    return f"{np.nanmedian(values):8.2f} ({np.nanmin(values):.2f} to {np.nanmax(values):.2f})"
+
+
 def fits(rows: dict[Key, dict[str, float]]) -> str:
     """What is said of the fit, of clouds as they are and of those that are seen wrongly."""
-    lines = ["", "cloud           coverage  noise  misfit (range)      poor fits  in band of the others [%]"]
+    lines = [
+        "",
+        "                                                     systematic               of the others",
+        "cloud           coverage  noise  misfit (range)        [mm] (range)   poor fits  error [mm]  in band [%]",
+    ]
     for coverage, noise, seen_as in [
         *((*each, "") for each in sorted(settings())),
         *((*TYPICAL, as_) for as_ in WRONG),
@@ -306,13 +316,14 @@ def fits(rows: dict[Key, dict[str, float]]) -> str:
         of = [row for key, row in rows.items() if key[:3] == (coverage, noise, seen_as)]
         if not of:
             continue
-        misfit = np.array([row["misfit"] for row in of])
         passed = [row for row in of if not row["poor"]]
         band = 100 * sum(row["in_band"] for row in passed) / max(sum(row["observed"] for row in passed), 1.0)
+        error = 1e3 * np.median([row["error"] for row in passed]) if passed else np.nan
+        others = f"{error:12.1f}{band:13.0f}" if passed else f"{'-':>12s}{'-':>13s}"
+        spans = spanned([row["misfit"] for row in of]), spanned([1e3 * row["systematic"] for row in of])
         lines.append(
-            f"{seen_as or 'as it is':16s}{100 * coverage:6.0f} %{1e3 * noise:4.0f} mm{np.nanmedian(misfit):8.2f} "
-            f"({np.nanmin(misfit):.2f} to {np.nanmax(misfit):.2f}){len(of) - len(passed):8d}/{len(of)}"
-            f"{f'{band:10.0f}' if passed else '         -'}"
+            f"{seen_as or 'as it is':16s}{100 * coverage:6.0f} %{1e3 * noise:4.0f} mm{'  '.join(spans)}"
+            f"{f'{len(of) - len(passed)}/{len(of)}':>12s}{others}"
         )
     return "\n".join(lines)
 

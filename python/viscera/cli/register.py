@@ -116,6 +116,7 @@ def _facts(found: Registered) -> dict[str, Any]:
         "landmarks": found.pair_residual,
         "coverage": found.coverage,
         "misfit": found.misfit,
+        "systematic_residual": found.systematic_residual,
         "observed_share": float(seen.mean()),
         "band": float(np.median(found.band[seen])) if seen.any() else None,
         "iterations": found.iterations,

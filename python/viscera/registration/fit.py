@@ -30,11 +30,12 @@ from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices
-from viscera.registration.equations import WRONG, Equations, Iterate
+from viscera.registration.equations import Equations, Iterate
 from viscera.registration.forces import Forces
 from viscera.registration.observed import Observed
 from viscera.registration.onecause import STEPS, OneCause
 from viscera.registration.registered import LINEARISED, Registered, band_of, wrong_by_model
+from viscera.registration.residuals import Left, left
 from viscera.registration.rigid import TUKEY, Rigid, Shape, levers, spread, starts
 from viscera.registration.smooth import Smooth
 
@@ -97,14 +98,15 @@ class _Result:
         x = mesh.points + at.displacement
         shape = Shape(x, self.visible)
         residual, inside, coverage = np.empty(0), np.empty(0, dtype=bool), 0.0
-        misfit: float | None = None
+        rest: Left | None = None
         if len(self.seen.surface):
             z = motion.back(self.seen.surface)
             triangles, _, _, p, normal = shape.closest(z)
             residual = np.copysign(np.linalg.norm(z - p, axis=1), np.einsum("ki,ki->k", normal, z - p))
             inside = np.abs(residual) < TUKEY * max(spread(residual, self.seen.weights), 1e-6)
             coverage = self._coverage(triangles[inside], self.seen.weights[inside])
-            misfit = self._misfit(residual[inside], self.seen.weights[inside])
+            counts = inside & (self.seen.weights > 0.0)
+            rest = left(residual[counts], p[counts], self.seen.weights[counts], self.seen.noise, self.seen.size)
         pairs: dict[str, float] = {}
         if self.seen.members:
             gaps = np.linalg.norm(motion.back(self.seen.measured) - self.equations.means(x), axis=1)
@@ -123,7 +125,7 @@ class _Result:
             band=band_of(LINEARISED**2 * covariance, wrong_by_model(mesh.points, at.displacement)),
             observed=known < 0.25 * (prior + 1e-30),
             coverage=coverage,
-            misfit=misfit,
+            left=rest,
             nodal_force=force,
             iterations=at.iterations,
             is_settled=not message,
@@ -138,13 +140,6 @@ class _Result:
         ones = np.broadcast_to(np.eye(3), lever.shape)
         rows = np.concatenate([lever, ones, at.responses], axis=2) @ root
         return np.asarray(rows @ rows.transpose(0, 2, 1))
-
-    def _misfit(self, residual: Floats, weights: Floats) -> float:
-        """Spread of residuals (k,) [m] over their standard deviation: noise, sigma / sqrt(w), and the model's error."""
-        counts = weights > 0.0
-        residual, weights = residual[counts], weights[counts]
-        explained = np.hypot(self.seen.noise / np.sqrt(weights), WRONG * self.seen.size)
-        return spread(residual / explained, weights)
 
     def _coverage(self, triangles: NDArray[np.int64], weights: Floats) -> float:
         """Share of the surface with points (k,) on it; few beside many are taken for scatter past its edge."""

@@ -14,6 +14,7 @@ from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import numbers_of, refused
+from viscera.registration.residuals import MISFIT, Left
 from viscera.registration.rigid import Rigid, aligned
 
 if TYPE_CHECKING:
@@ -27,10 +28,6 @@ MODEL, SWUNG = 0.2, 0.05
 fixed nodes, which a wrong law turns too far or not far enough."""
 LINEARISED = 2.5
 """Standard deviations of places over those of the linearised problem, which knows no other shape that fits as well."""
-
-MISFIT = 1.5
-"""Largest `misfit` of a good fit. It is about 1 where noise and model are as was said, and scatters where points are
-few; a bound nearer to 1 would blame good fits, one farther away would let more clouds of another scale pass."""
 
 
 class Registered(Deformed, Pictured):
@@ -57,7 +54,7 @@ class Registered(Deformed, Pictured):
         band: Floats,
         observed: NDArray[np.bool_],
         coverage: float,
-        misfit: float | None,
+        left: Left | None,
         nodal_force: Floats,
         iterations: int,
         is_settled: bool,
@@ -88,9 +85,15 @@ class Registered(Deformed, Pictured):
         """(n,) whether the data observe a node: they leave less than a quarter of its variance without data."""
         self.coverage = coverage
         """Share of the surface that the measured points lie on."""
-        self.misfit = misfit
+        self.misfit: float | None = None if left is None else left.misfit
         """Distance of the inliers from the organ, over what their noise and the error of the model explain; None
         without surface points."""
+        self.systematic_residual: float | None = None if left is None else left.systematic
+        """What neighbouring inliers have in common of their distances [m] from the organ, as a root mean square: noise
+        has nothing. None without surface points."""
+        self.is_poor_fit: bool = left is not None and left.is_poor
+        """Whether the points lie farther from the organ than noise and model explain, each for itself or whole
+        neighbourhoods on one side of it: the band is not to be trusted."""
         self.nodal_force = nodal_force
         """Nodal forces (n, 3) [N] of the fit, in the organ's axes, proportional to the stiffness of the law."""
         self.iterations = iterations
@@ -109,17 +112,19 @@ class Registered(Deformed, Pictured):
             return "poor fit"
         return "converged" if self.is_observed.all() else "partly observed"
 
-    @property
-    def is_poor_fit(self) -> bool:
-        """Whether the points lie farther from the organ than noise and model explain: the band is not to be trusted."""
-        return self.misfit is not None and self.misfit > MISFIT
-
     def _unexplained(self) -> str:
-        if self.misfit is None or not self.is_poor_fit:
+        if not self.is_poor_fit or self.misfit is None or self.systematic_residual is None:
             return ""
+        if self.misfit > MISFIT:
+            how = f"the points of the organ lie {self.misfit:.1f} times as far from it as noise and model explain"
+        else:
+            how = (
+                f"neighbouring points lie {1e3 * self.systematic_residual:.2g} mm beside the organ in common, which "
+                "neither noise nor the model's error explains"
+            )
         return (
-            f"the points of the organ lie {self.misfit:.1f} times as far from it as noise and model explain; do not "
-            "trust the band; are they in another scale, mirrored or noisier than was said, or is the mesh too coarse?"
+            f"{how}; do not trust the band; are they in another scale, mirrored or noisier than was said, is their "
+            "noise the same over whole regions, or is the mesh too coarse?"
         )
 
     def _unseen(self) -> str:

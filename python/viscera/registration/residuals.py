@@ -1,0 +1,78 @@
+"""What is left between the points and the organ: a scatter of each point, and what neighbouring points have in common.
+
+Noise differs from point to point. A shape that does not fit leaves whole neighbourhoods on one side of the surface,
+however well forces have brought it near: the products of residuals of neighbours then have a mean,
+
+    s^2 = sum_c sum_{i != j in c} w_i w_j r_i r_j / sum_c sum_{i != j in c} w_i w_j,
+
+over cubes c of feet of the points on the organ. Noise alone would leave it at zero, so s needs no noise to be told; of
+what noise there is depends how well it is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from viscera.mesh import Floats
+from viscera.registration.equations import CUBE, WRONG
+from viscera.registration.rigid import spread
+
+MISFIT = 1.5
+"""Largest `misfit` of a good fit. It is about 1 where noise and model are as was said, and scatters where points are
+few; a bound nearer to 1 would blame good fits."""
+SYSTEMATIC, ROUND = 2.0, 0.1
+"""Largest systematic residual of a good fit: so many times the model's error, and this part of the noise, by which a
+curved surface seems to lie farther out. `benchmarks/registration.py` prints what right and wrong clouds leave."""
+SURE = 2.0
+"""Standard deviations by which noise alone may exceed it."""
+FAR = 3.0
+"""Residuals over their spread beyond which they may be of something else."""
+NEIGHBOURS = 10.0
+"""Of a point in its cube, on average at least, if cubes no wider than that hold so many."""
+WIDEST = 0.2
+"""In diagonals."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a fit leaves."""
+
+    misfit: float
+    """Spread of the residuals over what noise and the model's error explain."""
+    systematic: float
+    """s [m]."""
+    is_poor: bool
+    """Whether one of them is beyond its bound."""
+
+
+def left(residual: Floats, feet: Floats, weights: Floats, noise: float, size: float) -> Left:
+    """What is left of residuals (k,) [m] at feet (k, 3) on an organ of this size [m].
+
+    noise [m]: standard deviation of a point of weight 1; that of others is noise / sqrt(weight).
+    """
+    explained = np.hypot(noise / np.sqrt(weights), WRONG * size)
+    misfit = spread(residual / explained, weights)
+    scatter = spread(residual * np.sqrt(weights), weights)
+    near = np.abs(residual) * np.sqrt(weights) < FAR * scatter
+    square, deviation = _in_common(residual[near], feet[near], weights[near], scatter, size)
+    bound = np.hypot(SYSTEMATIC * WRONG * size, ROUND * noise)
+    is_systematic = square > bound**2 + SURE * deviation
+    return Left(misfit, float(np.sqrt(max(square, 0.0))), misfit > MISFIT or bool(is_systematic))
+
+
+def _in_common(residual: Floats, feet: Floats, weights: Floats, scatter: float, size: float) -> tuple[float, float]:
+    """s^2 [m^2], and its standard deviation by noise alone."""
+    edge = CUBE * size
+    while True:
+        cube = np.unique(np.floor(feet / edge).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
+        sums = [np.bincount(cube, values) for values in (weights, weights**2, weights * residual)]
+        pairs = float((sums[0] ** 2 - sums[1]).sum())
+        if pairs >= NEIGHBOURS * weights.sum() or edge > WIDEST * size:
+            break
+        edge *= 2.0
+    if pairs <= 0.0:
+        return 0.0, 0.0
+    products = float((sums[2] ** 2).sum() - np.square(weights * residual).sum())
+    return products / pairs, scatter**2 * float(np.sqrt(2.0 / pairs))
