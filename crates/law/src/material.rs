@@ -4,7 +4,7 @@ use super::at_rest::shear_modulus;
 use super::expression::Expression;
 use super::formula::FORMULA;
 use super::kernels::LawKernels;
-use super::several::SEVERAL;
+use super::several::{BETWEEN, SEVERAL};
 use crate::error::Error;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -101,6 +101,12 @@ impl Material {
     /// The parameters of a cell.
     pub fn of_cell(&self, cell: usize) -> &[f64] {
         of_cell(&self.rows.parameters, cell).as_slice()
+    }
+
+    /// The name of a cell's law; where there are several, the one that it has.
+    pub fn name_of_cell(&self, cell: usize) -> &str {
+        let Some(names) = self.name.strip_prefix(SEVERAL) else { return &self.name };
+        names.split(BETWEEN).nth(self.of_cell(cell)[0] as usize).unwrap_or_default()
     }
 
     /// The parameters of a cell as its kernels take them.

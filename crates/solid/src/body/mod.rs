@@ -367,7 +367,28 @@ impl Body {
         self.integrals.force_and_tangent(law, (u, curvature), workspace, force, tangent);
         if let Some(tied) = &self.tied {
             tied.ties.add_internal_force(u, force);
-            tied.add_stiffness(u, curvature, tangent);
+            tied.add_stiffness((u, curvature), 1.0, tangent);
+        }
+    }
+
+    /// Adds a share of what ties contribute to the internal force [N].
+    pub fn add_tie_force(&self, u: &[f64], share: f64, force: &mut [f64]) {
+        if let Some(ties) = self.ties() {
+            let mut own = vec![0.0; force.len()];
+            ties.add_internal_force(u, &mut own);
+            force.iter_mut().zip(own).for_each(|(f, own)| *f += share * own);
+        }
+    }
+
+    /// Adds a share of what ties contribute to the tangent.
+    pub fn add_tie_stiffness(
+        &self,
+        at: (&[f64], Curvature),
+        share: f64,
+        tangent: &mut SymmetricBlocks,
+    ) {
+        if let Some(tied) = &self.tied {
+            tied.add_stiffness(at, share, tangent);
         }
     }
 

@@ -198,14 +198,19 @@ impl Tied {
         all
     }
 
-    /// Adds `K` at a displacement to a tangent.
-    pub fn add_stiffness(&self, u: &[f64], curvature: Curvature, tangent: &mut SymmetricBlocks) {
+    /// Adds a share of `K` at a displacement to a tangent.
+    pub fn add_stiffness(
+        &self,
+        (u, curvature): (&[f64], Curvature),
+        share: f64,
+        tangent: &mut SymmetricBlocks,
+    ) {
         for (.., position, block) in &self.blocks {
-            tangent.add(*position as usize, block);
+            tangent.add(*position as usize, &block.map(|k| share * k));
         }
         self.each_link_block(u, curvature, |row, column, block| {
             let position = tangent.pattern().block(row, column);
-            tangent.add(position as usize, block);
+            tangent.add(position as usize, &block.map(|k| share * k));
         });
     }
 

@@ -4,10 +4,11 @@
 //! Simo and Hughes (1998), chapter 10, here for the whole stress. With `x_i = h / tau_i`, a frame of length `h` over
 //! which `S_e` changes linearly takes the internal stresses exactly to
 //!   H_i <- exp(-x_i) H_i + g_i (1 - exp(-x_i)) / x_i (S_e - S_e before).
-//! So `S = theta S_e + S_h` with `S_h` known from the past: force and tangent of the body are scaled by `theta`, and
-//! the history adds a force that is linear in the displacement.
+//! So `S = theta S_e + S_h` with `S_h` known from the past: force and tangent of the cells are scaled by `theta`, and
+//! the history adds a force that is linear in the displacement. Supports, bonds and springs do not relax. The law of small
+//! strains knows no turned axes, and its `S` would not be symmetric: there the memory is that of `P`.
 
-use crate::body::{BlockPattern, Body};
+use crate::body::{BlockPattern, Body, Curvature};
 use crate::element::Geometry;
 use crate::equilibrium::Tangent;
 use crate::error::Error;
@@ -51,6 +52,11 @@ impl Prony {
     }
 }
 
+/// The law that is not objective.
+const SMALL_STRAIN: &str = "linear";
+
+const IDENTITY: Mat3<f64> = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
 /// Geometry of a cell for its history.
 struct Cell {
     nodes: [u32; 4],
@@ -59,6 +65,8 @@ struct Cell {
     volume: f64,
     /// Block of each pair of its nodes in the tangent.
     blocks: [[u32; 4]; 4],
+    /// The stress that it remembers is `P`, not `S`.
+    is_small_strain: bool,
 }
 
 /// Stresses of the past, cell by cell.
@@ -87,11 +95,14 @@ impl Relaxation {
         let cells: Vec<Cell> = body
             .cells()
             .iter()
-            .map(|&nodes| {
+            .enumerate()
+            .map(|(number, &nodes)| {
                 let Geometry { gradients: [x, y, z], volume } =
                     Geometry::new(nodes.map(|n| body.points()[n as usize]));
                 let first = std::array::from_fn(|i| -x[i] - y[i] - z[i]);
-                Cell { nodes, gradients: [first, x, y, z], volume, blocks: [[0; 4]; 4] }
+                let is_small_strain = body.material().name_of_cell(number) == SMALL_STRAIN;
+                let gradients = [first, x, y, z];
+                Cell { nodes, gradients, volume, blocks: [[0; 4]; 4], is_small_strain }
             })
             .collect();
         let zeros = vec![Mat3::default(); cells.len()];
@@ -131,11 +142,12 @@ impl Relaxation {
         }
     }
 
-    /// From the law's force to that of this frame.
-    pub fn apply(&self, u: &[f64], force: &mut [f64]) {
+    /// From the body's force at displacement `u` to that of this frame.
+    pub fn apply(&self, body: &Body, u: &[f64], force: &mut [f64]) {
         force.iter_mut().for_each(|f| *f *= self.theta);
+        body.add_tie_force(u, 1.0 - self.theta, force);
         for (cell, history) in self.cells.iter().zip(&self.history) {
-            let f = cell.deformation(u);
+            let f = if cell.is_small_strain { IDENTITY } else { cell.deformation(u) };
             for (&node, g) in cell.nodes.iter().zip(&cell.gradients) {
                 let share = mul_vector(&f, &mul_vector(history, g));
                 (0..3).for_each(|i| force[3 * node as usize + i] += cell.volume * share[i]);
@@ -143,11 +155,13 @@ impl Relaxation {
         }
     }
 
-    /// From the law's tangent to that of this frame.
-    pub fn soften(&self, tangent: &mut Tangent) {
+    /// From the body's tangent at a displacement to that of this frame.
+    pub fn soften(&self, body: &Body, at: (&[f64], Curvature), tangent: &mut Tangent) {
         tangent.scale(self.theta);
+        body.add_tie_stiffness(at, 1.0 - self.theta, tangent.blocks_mut());
         let values = tangent.blocks_mut().values_mut();
-        for (cell, history) in self.cells.iter().zip(&self.history) {
+        let cells = self.cells.iter().zip(&self.history);
+        for (cell, history) in cells.filter(|(cell, _)| !cell.is_small_strain) {
             let g = &cell.gradients;
             for b in 0..4 {
                 let pull = mul_vector(history, &g[b]);
@@ -176,7 +190,7 @@ impl Relaxation {
         self.look_ahead();
     }
 
-    /// `S_e = F^-1 P` of every cell; zero where a cell has no volume left.
+    /// `S_e = F^-1 P` of every cell, zero where a cell has no volume left; `P` where that is remembered.
     fn stresses(&self, material: &Material, u: &[f64]) -> Vec<Mat3<f64>> {
         let deformations: Vec<_> = self.cells.iter().map(|cell| cell.deformation(u)).collect();
         let answers = if let [row] = material.parameters() {
@@ -187,11 +201,14 @@ impl Relaxation {
             };
             deformations.iter().enumerate().map(of_cell).collect()
         };
-        let second = |(f, (_, p)): (&Mat3<f64>, (f64, Mat3<f64>))| {
+        let remembered = |((cell, f), (_, p)): ((&Cell, &Mat3<f64>), (f64, Mat3<f64>))| {
+            if cell.is_small_strain {
+                return p;
+            }
             let inverse = inverse(f).unwrap_or_default();
             tabulate!(|i, j| (0..3).map(|k| inverse[i][k] * p[k][j]).sum())
         };
-        deformations.iter().zip(answers).map(second).collect()
+        self.cells.iter().zip(&deformations).zip(answers).map(remembered).collect()
     }
 }
 

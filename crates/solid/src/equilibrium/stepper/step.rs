@@ -198,8 +198,8 @@ impl Stepper {
         self.tangent.leave_to_device(self.solver.forms_tangents());
         self.tangent.linearize(body, &self.displacement, curvature, &mut self.internal);
         if let Some(relaxation) = &self.relaxation {
-            relaxation.apply(&self.displacement, &mut self.internal);
-            relaxation.soften(&mut self.tangent);
+            relaxation.apply(body, &self.displacement, &mut self.internal);
+            relaxation.soften(body, (&self.displacement, curvature), &mut self.tangent);
         }
         if !self.barrier.is_idle() {
             self.barrier.add_force(body, &mut self.internal);
@@ -386,7 +386,7 @@ impl Stepper {
     /// From the law's internal force to that of tissue that remembers, and of cells next to a bound.
     fn complete(&mut self, body: &Body) {
         if let Some(relaxation) = &self.relaxation {
-            relaxation.apply(&self.displacement, &mut self.internal);
+            relaxation.apply(body, &self.displacement, &mut self.internal);
         }
         self.barrier.add_force(body, &mut self.internal);
     }
