@@ -93,6 +93,25 @@ class ContactPair:
         return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness, self.friction),))
 
 
+def refuse_same(pairs: Sequence[ContactPair]) -> None:
+    """Raise `VisceraError` if two pairs have the same sides: each would carry a part of the force."""
+    for number, pair in enumerate(pairs):
+        for other in pairs[:number]:
+            if _are_same(pair.sides, other.sides) or _are_same(pair.sides, other.sides[::-1]):
+                raise VisceraError(
+                    f"contacts of a scene: {pair!r} and {other!r} are of the same surfaces and would share the force; "
+                    "name them once"
+                )
+
+
+def _are_same(one: Sequence[tuple[str, Where | None]], other: Sequence[tuple[str, Where | None]]) -> bool:
+    """Whether names agree, and places as they were named."""
+    return len(one) == len(other) and all(
+        name == its and (where is there or (isinstance(where, str) and isinstance(there, str) and where == there))
+        for (name, where), (its, there) in zip(one, other, strict=True)
+    )
+
+
 def refuse_overlap(pair: ContactPair, meshes: Mapping[str, Mesh]) -> None:
     """Raise `VisceraError` if the middle of a cell of one organ of a pair lies in the other."""
     # The core looks for points of one surface in the other organ. Of two organs in one place there is none.

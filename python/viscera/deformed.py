@@ -118,6 +118,8 @@ class Deformed:
     def support_force(self, support: Tied | Bond) -> Floats:
         """Total force (3,) [N] of one of the organ's elastic supports on it; of a bond, on its first organ.
 
+        Of a support that several organs of a scene share, the force on all of them; `state["liver"]` tells that on one.
+
         >>> import viscera as vs
         >>> bed = vs.ElasticSupport("z < 1%", stiffness=1e6)
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), supports=[bed])
@@ -125,12 +127,12 @@ class Deformed:
         -10.0
         """
         organ, displacement = self._from_rest()
-        for own, ties in zip(organ.supports, organ._tied, strict=True):
-            if own.is_same(support):
-                if ties.surfaces:
-                    raise VisceraError(f"{support!r} is a contact pair; `contact` gives its force")
-                return ties.force(displacement)
-        raise VisceraError(f"{support!r} is no elastic support of this organ; see organ.supports")
+        its = [ties for own, ties in zip(organ.supports, organ._tied, strict=True) if own.is_same(support)]
+        if not its:
+            raise VisceraError(f"{support!r} is no elastic support of this organ; see the `supports` it was made with")
+        if any(ties.surfaces for ties in its):
+            raise VisceraError(f"{support!r} is a contact pair; `contact` gives its force")
+        return np.asarray(sum(ties.force(displacement) for ties in its))
 
     def strain(self, measure: str = "green", at: str = "cells") -> Floats:
         """Strain (m, 3, 3): "green" E = (F^T F - I) / 2, or "log" ln V = ln(F F^T) / 2.

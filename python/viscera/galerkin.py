@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from time import sleep
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 BUDGET = Number("s", low=0.0, high=1e19)
 """As many seconds as the clock of the core can count."""
 TOLERANCE = Number(above=0, below=1)
+NOT_COPIED = (
+    "a grasp, what makes it and its answers can be neither copied nor pickled; keep the touch, or its file, and an "
+    "array such as answer.displacement, and take hold again with touch.galerkin().grasp(points)"
+)
 Touches = Sequence[tuple[ArrayLike, ArrayLike]] | Floats
 """For each touch its contact point (3,) at rest [m] and its displacement (3,) [m]."""
 
@@ -56,6 +60,10 @@ class GalerkinAnswer(Deformed):
         """Number of tangents that were evaluated for them."""
         self.seconds: float = facts["seconds"]
         """Time of the search [s]."""
+
+    def __reduce__(self) -> NoReturn:
+        """For pickle and copy: refused, as it computes its field from the grasp when it is asked for."""
+        raise VisceraError(NOT_COPIED)
 
     @cached_property
     def displacement(self) -> Floats:
@@ -109,6 +117,10 @@ class HyperReducedModel:
         self._grasp, self._touch = grasp, touch
         self.points = points
         """Contact points (k, 3) at rest [m]."""
+
+    def __reduce__(self) -> NoReturn:
+        """For pickle and copy: refused, as it may still be learning, and belongs to its touch."""
+        raise VisceraError(NOT_COPIED)
 
     @property
     def modes(self) -> int:
@@ -215,6 +227,10 @@ class Galerkin:
         """The series model of single touches."""
         self._core = core
         self._last: HyperReducedModel | None = None
+
+    def __reduce__(self) -> NoReturn:
+        """For pickle and copy: refused, as its grasps may still be learning."""
+        raise VisceraError(NOT_COPIED)
 
     def grasp(self, points: ArrayLike, *, wait: bool = True) -> HyperReducedModel:
         """Take hold at some points (k, 3) [m] of the touchable surface at rest; coordinates may be given in words.

@@ -221,12 +221,17 @@ def _components(target: Any, mesh: Mesh, count: int, name: str) -> list[Floats |
         return list(rows.T)
     if not isinstance(target, np.ndarray | list | tuple) or len(target) != 3:
         raise refused(f"displacement of {name}", 'three lengths [m], None or "free" for a free one', target)
-    is_free = [component is None or (isinstance(component, str) and component == FREE) for component in target]
-    if all(is_free):
+    free = [is_free(component) for component in target]
+    if all(free):
         raise VisceraError(f"the displacement of {name} leaves all components free; remove it")
-    held = [0.0 if free else component for free, component in zip(is_free, target, strict=True)]
+    held = [0.0 if is_so else component for is_so, component in zip(free, target, strict=True)]
     filled = offset(held, mesh, f"displacement of {name}")
-    return [None if free else filled[axis] for axis, free in enumerate(is_free)]
+    return [None if is_so else filled[axis] for axis, is_so in enumerate(free)]
+
+
+def is_free(component: object) -> bool:
+    """Whether a component of a displacement is left free: None, or the word for it."""
+    return component is None or (isinstance(component, str) and component == FREE)
 
 
 def shares_of(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:

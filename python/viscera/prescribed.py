@@ -9,7 +9,7 @@ import numpy as np
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.loads import name_of, prescribed
+from viscera.loads import is_free, name_of, prescribed
 from viscera.mesh import Floats, Indices, Mesh
 
 
@@ -49,8 +49,7 @@ class PrescribedMotion:
     def move(self, displacement: Mapping[Any, Any]) -> tuple[Floats, Floats]:
         """Values (k,) of the degrees of freedom and means (p, 3) of the patches [m]; refuses contradictions."""
         if not self._is_simple or self._has_fixed:
-            moved = prescribed(self._mesh, self._fixed, displacement)
-            return moved.values, np.array([mean for _, mean in moved.patches], dtype=float).reshape(-1, 3)
+            return self._resolved(displacement)
         values, table = np.empty(len(self.dofs)), np.empty((len(self.patches), 3))
         try:
             for where, axis, (slots, _) in self._slots:
@@ -62,8 +61,13 @@ class PrescribedMotion:
         except (TypeError, ValueError):
             values[:] = np.nan
         if not (np.isfinite(values).all() and np.isfinite(table).all()):
-            prescribed(self._mesh, self._fixed, displacement)  # says what is wrong where
+            return self._resolved(displacement)
         return values, table
+
+    def _resolved(self, displacement: Mapping[Any, Any]) -> tuple[Floats, Floats]:
+        """The same for lengths in words and for places that share nodes; says what is wrong where."""
+        moved = prescribed(self._mesh, self._fixed, displacement)
+        return moved.values, np.array([mean for _, mean in moved.patches], dtype=float).reshape(-1, 3)
 
 
 def _places(displacement: Mapping[Any, Any]) -> list[tuple[Any, tuple[int, ...], tuple[int, ...]]]:
@@ -72,6 +76,6 @@ def _places(displacement: Mapping[Any, Any]) -> list[tuple[Any, tuple[int, ...],
     for where, target in displacement.items():
         components: Any = target
         shape = np.shape(components)
-        free = tuple(i for i, part in enumerate(components) if part is None) if len(shape) == 1 else ()
+        free = tuple(i for i, part in enumerate(components) if is_free(part)) if len(shape) == 1 else ()
         places.append((where, shape, free))
     return places

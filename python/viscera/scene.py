@@ -13,7 +13,7 @@ from viscera import _core
 from viscera import law as laws
 from viscera.bond import Bond
 from viscera.contact import Tool, tools_of
-from viscera.contact_pair import ContactPair, refuse_overlap
+from viscera.contact_pair import ContactPair, refuse_overlap, refuse_same
 from viscera.errors import VisceraError, did_you_mean
 from viscera.joined import joined_law, joined_mesh, law_of, numbers_of, renumbered
 from viscera.loads import faces_within
@@ -81,6 +81,7 @@ class Scene(Organ):
         bodies = _list_of(bodies, "bodies", "tools and shapes, such as [Tool(HalfSpace())]")
         first = next(iter(self.organs.values()))
         self._numbers = numbers_of(self.organs)
+        refuse_same([pair for pair in given_contacts if not isinstance(pair, Placed)])
         mesh, law = joined_mesh(self.organs), joined_law(self.organs)
         nodal = mesh.quadratic() if first.element == "P2" else mesh
         fixed = np.concatenate([self._numbers[name][organ.fixed] for name, organ in self.organs.items()])

@@ -80,7 +80,8 @@ class State(Deformed, Pictured):
         self.internal_force: Floats = result["internal_force"]
         """Nodal forces (n, 3) [N] of the stress and of elastic supports."""
         self.external_force: Floats = result["external_force"]
-        """Nodal forces (n, 3) [N] of the load; where the solve converged, equal but for what is held."""
+        """Nodal forces (n, 3) [N] of the part of the load that was reached, all of it where the solve converged; then
+        equal but for what is held."""
         self.has_pressure = has_pressure
         """Whether a pressure is part of the load: it follows the surface, all other loads are dead."""
         self._held: Floats = self.internal_force - self.external_force
@@ -114,8 +115,8 @@ class State(Deformed, Pictured):
     def reaction(self, where: Where) -> Floats:
         """Total force (3,) [N] by which the support at a place holds the organ: internal minus external nodal force.
 
-        For a contact patch that the solve prescribed, the contact force. If the solve did not converge, the part of
-        the load that was not reached is included.
+        For a contact patch that the solve prescribed, the contact force. If the solve did not converge, that under the
+        part of the load that was reached.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

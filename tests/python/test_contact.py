@@ -149,6 +149,23 @@ def test_a_tool_moves_with_frames_and_lets_go(organ: vs.Organ) -> None:
         stepper.frame().force(tool)
 
 
+@pytest.mark.parametrize("solver", ["cholesky", "cg"])
+def test_a_hand_on_a_patch_does_not_disturb_a_tool(organ: vs.Organ, solver: str) -> None:
+    """The mean of a patch that stands still is rounded; frames settle as those with a hand on nodes do."""
+    hold = organ.patch((0.02, 0.0, 0.08), 0.03)
+    stepper = organ.stepper(iterations=10, solver=solver)
+    tool = stepper.tool(vs.Sphere("30 mm"), position=(0.05, 0.05, SIDE + 0.0301))
+    hand = stepper.grasp(hold)
+    for _ in range(6):
+        tool.move((0, 0, -0.001))
+        frame = stepper.frame()
+        assert frame.is_settled, frame
+    pressed = above(vs.Sphere("30 mm"), 0.0301, displacement=(0, 0, -0.006))
+    state = organ.solve(displacement={hold: (0, 0, 0)}, contact=[pressed], throw=True)
+    assert frame.force(tool) == pytest.approx(state.force(pressed), rel=2e-3, abs=1e-4)
+    assert hand.force == pytest.approx(state.reaction(hold), rel=1e-2, abs=1e-3)
+
+
 def test_two_tools_each_feel_their_own(organ: vs.Organ) -> None:
     stepper = organ.stepper(iterations=10, settled=1e-6)
     left = stepper.tool(vs.Sphere(0.02), position=(0.02, 0.05, SIDE + 0.02))

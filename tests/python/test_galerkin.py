@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 import signal
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Timer
@@ -192,6 +195,13 @@ def test_a_model_of_low_order_serves_several_touches_by_default(organ: vs.Organ)
     held = low.galerkin().solve(touches)
     assert held.is_converged
     assert held.force == pytest.approx(low.galerkin(order=2).solve(touches).force, rel=1e-9)
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_grasp_says_what_to_keep_instead(fingers: Galerkin, again: Callable[[Any], Any]) -> None:
+    for made in (fingers, fingers.grasp([LEFT]), fingers.solve([(LEFT, PUSHES[0])])):
+        with pytest.raises(vs.VisceraError, match="neither copied nor pickled; keep the touch"):
+            again(made)
 
 
 def test_a_grasp_is_displaced_in_words_too(fingers: Galerkin) -> None:

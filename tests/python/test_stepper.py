@@ -359,6 +359,29 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
         organ.solve(solver="lu")
 
 
+@pytest.mark.parametrize(
+    ("words", "metres"),
+    [
+        (("-1 cm", 0, 0), (-0.01, 0, 0)),
+        (("-1 cm", None, None), (-0.01, None, None)),
+        ((None, "free", "-10 mm"), (None, None, -0.01)),
+    ],
+)
+def test_lengths_of_frames_may_be_words(organ: vs.Organ, words: Any, metres: Any) -> None:
+    for named in ({"tip": words}, [("tip", words)]):
+        frames = [organ.stepper(iterations=10).frame(given) for given in (named, {"tip": metres})]
+        assert np.array_equal(frames[0].displacement, frames[1].displacement)
+    stepper = organ.stepper({"tip": words}, iterations=10)
+    assert np.array_equal(stepper.frame({"tip": words}).displacement, frames[1].displacement)
+
+
+def test_what_a_word_leaves_free_is_let_go(organ: vs.Organ) -> None:
+    stepper = organ.stepper({"tip": (0.01, 0, 0)}, iterations=20)
+    stepper.frame({"tip": (0.01, 0, 0)})
+    frame = stepper.frame({"tip": ("free", 0, 0)})
+    assert abs(frame.displacement).max() < 1e-6
+
+
 def test_bad_frames_are_refused_and_change_nothing(organ: vs.Organ) -> None:
     stepper = organ.stepper({"tip": (None, None, 0)}, density=1000)
     before = stepper.frame({"tip": (None, None, -0.01)}).displacement

@@ -54,7 +54,7 @@ pub struct Equilibrium {
     pub displacement: Vec<f64>,
     /// Internal force [N]; minus the external force, the reactions where something is prescribed.
     pub internal_force: Vec<f64>,
-    /// External force in full [N]: dead, and pressure on the surface as deformed.
+    /// External force of the part of the load that was reached [N]: dead, and pressure on the surface as deformed.
     pub external_force: Vec<f64>,
     /// Force of each patch's tool on the body [N].
     pub patch_forces: Vec<[f64; 3]>,

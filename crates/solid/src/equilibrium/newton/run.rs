@@ -310,8 +310,9 @@ impl<'a> Run<'a> {
         let body = self.body();
         let mut internal_force = vec![0.0; body.n_dofs()];
         body.internal_force(&self.u, &mut internal_force);
-        let mut external_force = self.problem.force.clone();
-        self.problem.pressure.add_force(body, &self.u, 1.0, &mut external_force);
+        let mut external_force: Vec<f64> =
+            self.problem.force.iter().map(|force| self.load * force).collect();
+        self.problem.pressure.add_force(body, &self.u, self.load, &mut external_force);
         self.contact.advance(self.load);
         self.contact.linearize(&self.u);
         self.contact.add_force(&mut external_force);

@@ -26,6 +26,9 @@ pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
 /// exponentially: they reach any number at a stretch of two or three, where a tangent drowns all others in rounding.
 pub(super) const MOST_ENERGY: f64 = 10.0;
 
+/// Part of a body's length by which hands that have arrived may miss where they are to be: means of patches are rounded.
+const ARRIVED: f64 = 1e-12;
+
 /// Smallest part of their motion that hands make in an iteration, however often it is cut.
 const SMALLEST_FRACTION: f64 = 1e-3;
 
@@ -238,7 +241,8 @@ impl Stepper {
         self.move_hands(input);
         self.balance(curvature);
         let residual = self.constraint_residual(input);
-        self.hands_move = residual.iter().chain(&self.step).any(|&by| by != 0.0);
+        let near = ARRIVED * self.length;
+        self.hands_move = residual.iter().chain(&self.step).any(|&by| by.abs() > near);
         if self.tangent.product_part().is_some() {
             self.extrapolation.balance(&self.residual);
         }
