@@ -10,6 +10,7 @@ mod block_matrix;
 mod cholesky;
 mod column;
 pub mod conjugate_gradients;
+mod entry;
 mod error;
 mod front;
 mod fronts;
@@ -32,7 +33,7 @@ pub use viscera_clock as clock;
 
 pub use block_matrix::BlockMatrix;
 pub use cholesky::Cholesky;
-pub use column::Column;
+pub use column::{Column, FEW};
 pub use error::FactorError;
 pub use gmres::gmres;
 pub use ldlt::{Inertia, Ldlt};

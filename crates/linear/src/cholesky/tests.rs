@@ -139,6 +139,41 @@ fn one_column_without_allocation_is_the_same_solution() {
 }
 
 #[test]
+fn a_few_columns_side_by_side_are_solved_as_each_alone() {
+    let matrix = elastic_block(8, 7, 6);
+    let n = matrix.pattern.n;
+    let mut placed = Cholesky::analyze(&matrix.pattern).unwrap();
+    let mut single = Cholesky::<f32>::with_precision(&matrix.pattern).unwrap();
+    placed.factorize(&matrix.values).unwrap();
+    single.factorize(&matrix.values).unwrap();
+    let rows: Vec<u32> = placed.order().iter().map(|row| row + 2).collect();
+    for count in 0..=FEW {
+        let mut columns = vec![3.0; count * (n + 2)];
+        for (k, column) in columns.chunks_exact_mut(n + 2).enumerate() {
+            // Of very different size; one is zero.
+            let size = [1e-30, 1.0, 0.0, 1e30][k];
+            column[2..].iter_mut().zip(load(n, 5 + k)).for_each(|(x, b)| *x = size * b);
+        }
+        let before = columns.clone();
+        placed.solve_few(&rows, &mut columns, n + 2, &mut placed.few()).unwrap();
+        let mut in_single = before.clone();
+        single.solve_few(&rows, &mut in_single, n + 2, &mut single.few()).unwrap();
+        let each = before.chunks_exact(n + 2).zip(columns.chunks_exact(n + 2));
+        for ((b, x), close) in each.zip(in_single.chunks_exact(n + 2)) {
+            let mut alone = b.to_vec();
+            placed.solve_column(&rows, b, &mut alone, &mut placed.column()).unwrap();
+            assert_eq!(x[..2], [3.0, 3.0]);
+            if b[2..].iter().any(|&b| b != 0.0) {
+                assert!(relative_difference(&x[2..], &alone[2..]) < 1e-12);
+                assert!(relative_difference(&close[2..], &alone[2..]) < 1e-4);
+            } else {
+                assert!(x[2..].iter().all(|&x| x == 0.0));
+            }
+        }
+    }
+}
+
+#[test]
 fn single_precision_is_a_close_preconditioner() {
     let matrix = elastic_block(8, 7, 6);
     let b: Vec<f64> = load(matrix.pattern.n, 6).iter().map(|b| 1e60 * b).collect();

@@ -54,7 +54,7 @@ impl Direct {
         let factorized = self.cholesky.factorize(tangent.values(), shift);
         self.is_definite = factorized.is_ok();
         match factorized {
-            Ok(()) => border.influence(|b, x| self.cholesky.solve(b, x)),
+            Ok(()) => border.influence_of_all(|columns, n| self.cholesky.solve_each(columns, n)),
             Err(error) if error.is_of_a_pivot() && !border.is_empty() => {
                 self.prepare_indefinite(tangent, shift, excluded, border, error)
             }

@@ -2,12 +2,14 @@
 //! as those of the identity: a grasp or a release changes values, not the pattern, and needs no new analysis.
 
 use crate::body::BlockPattern;
-use crate::linear::{Cholesky, Column, FactorError, Factorization, Pattern, Precision};
+use crate::linear::{Cholesky, Column, FEW, FactorError, Factorization, Pattern, Precision};
 
 /// A factor with the way from the values of the tangent to its own order.
 pub(super) struct TangentFactor<T: Precision> {
     cholesky: Cholesky<T>,
     column: Column<T>,
+    /// Made when first needed.
+    few: Option<Column<T, [T; FEW]>>,
     /// Degree of freedom eliminated at each step.
     dofs: Vec<u32>,
     /// For every entry in elimination order its place in the values of the tangent, and its row and column.
@@ -33,6 +35,7 @@ impl<T: Precision> TangentFactor<T> {
         let is_diagonal = |&k: &u32| ends[k as usize][0] == ends[k as usize][1];
         Ok(TangentFactor {
             column: cholesky.column(),
+            few: None,
             dofs: cholesky.order().iter().map(|&row| free[row as usize]).collect(),
             positions: placed.iter().map(|&entry| positions[entry as usize]).collect(),
             diagonal: (0..ends.len() as u32).filter(is_diagonal).collect(),
@@ -107,6 +110,13 @@ impl<T: Precision> TangentFactor<T> {
     /// `x = K⁻¹ b` on the free degrees of freedom; where `b` is zero on what is held, so is `x`.
     pub fn solve(&mut self, b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
         self.cholesky.solve_column(&self.dofs, b, x, &mut self.column)
+    }
+
+    /// The same in place for columns of all degrees of freedom, `n` each, which are zero on what is held.
+    pub fn solve_each(&mut self, columns: &mut [f64], n: usize) -> Result<(), FactorError> {
+        let TangentFactor { cholesky, few, dofs, .. } = self;
+        let few = few.get_or_insert_with(|| cholesky.few());
+        columns.chunks_mut(FEW * n).try_for_each(|some| cholesky.solve_few(dofs, some, n, few))
     }
 
     /// `K⁻¹` in place for columns of free degrees of freedom, ascending; for as many threads at once as there are.
