@@ -201,18 +201,21 @@ impl Relaxation {
             };
             deformations.iter().enumerate().map(of_cell).collect()
         };
-        let remembered = |((cell, f), (_, p)): ((&Cell, &Mat3<f64>), (f64, Mat3<f64>))| {
-            if cell.is_small_strain {
-                return p;
-            }
-            let inverse = inverse(f).unwrap_or_default();
-            tabulate!(|i, j| (0..3).map(|k| inverse[i][k] * p[k][j]).sum())
-        };
-        self.cells.iter().zip(&deformations).zip(answers).map(remembered).collect()
+        let of_each = self.cells.iter().zip(&deformations).zip(answers);
+        of_each.map(|((cell, f), (_, p))| cell.remembered(f, p)).collect()
     }
 }
 
 impl Cell {
+    /// The stress that it remembers, of the deformation `F` and `P`.
+    fn remembered(&self, f: &Mat3<f64>, p: Mat3<f64>) -> Mat3<f64> {
+        if self.is_small_strain {
+            return p;
+        }
+        let inverse = inverse(f).unwrap_or_default();
+        tabulate!(|i, j| (0..3).map(|k| inverse[i][k] * p[k][j]).sum())
+    }
+
     /// `F = I + sum_a u_a (x) g_a`.
     fn deformation(&self, u: &[f64]) -> Mat3<f64> {
         tabulate!(|i, j| {
