@@ -128,8 +128,8 @@ class Answer(Deformed):
     def target(self, where: Where) -> Target:
         """How far a part of the organ moves: a cell set by name, such as a tumour, or any cells as in `Mesh.cells_in`.
 
-        It is the mean displacement of these cells, with a band that contains that of the full solution in 95 of 100
-        touches; see `Target`.
+        It is the mean displacement of the surface of these cells, by area, with a band that contains that of the full
+        solution in 95 of 100 touches; see `Target`.
 
         >>> import viscera as vs
         >>> mesh = vs.organs.beam().with_cell_sets(core="x > 70% and x < 80%")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
@@ -27,6 +28,8 @@ from viscera.support import require_held
 from viscera.supported import Supported
 from viscera.touch import Touch
 from viscera.vary import Vary
+
+log = logging.getLogger("viscera")
 
 ORDER = Whole(2, 8)
 MEMORY = Number("bytes", above=0)
@@ -137,7 +140,10 @@ class Reducible(Supported):
                 on_gpu=on_gpu,
             )
         gpu.report(fault)
-        return Touch(model)
+        touch = Touch(model)
+        if vary is not None:
+            _warn_if_coarse(vary, touch)
+        return touch
 
     def _batches(
         self,
@@ -231,3 +237,16 @@ class Reducible(Supported):
             raise VisceraError(
                 "a series does not know surfaces that touch; leave the contact pairs out, or solve in load steps"
             )
+
+
+def _warn_if_coarse(vary: Vary, touch: Touch) -> None:
+    """A warning where interpolation over the parameter alone is worse than any answer may be."""
+    error = float(touch.metadata["errors"]["parameter"])
+    if error > max(defaults.ALLOWED_ERROR.values()):
+        log.warning(
+            "between the %d values of %s that were solved, answers are up to %.0f %% off, so that the model trusts "
+            "none; give Vary more nodes, or a narrower range",
+            vary.nodes,
+            vary.name,
+            100 * error,
+        )

@@ -26,7 +26,7 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
     A moment is a state, a frame, the answer of a reduced model or `Organ.moved` of a displacement along a path.
     `.pvd`: a time series for ParaView, with one VTU file per moment beside it: `displacement`, stresses and strains as
     in `State.write`. `.glb`, `.gltf`: the surface before it moves and an animation that blends from shape to shape,
-    z turned up. Returns all paths written.
+    z turned up; it begins at time 0 with the first of them. Returns all paths written.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

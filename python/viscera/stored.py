@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from viscera import _core
+from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.parts import cell_sets
 
@@ -57,6 +58,11 @@ class Stored:
     def rest(self) -> Mesh:
         """The mesh at rest: `mesh`, unless the model has a preload."""
         points, cells = self._model.array("points"), self._model.array("cells")
+        if not len(cells):
+            raise VisceraError(
+                "this model has no cells: it was written for a page, which needs none. It answers touches given in "
+                "metres; for the mesh and what lies inside take the file that it was exported from"
+            )
         free = points if self.preload is None else points - self.preload
         parts = cell_sets(self._notes, len(cells))
         linear = replace(mesh(free[: int(cells.max()) + 1], cells, cell_sets=parts), axes=self._notes.get("axes", ""))
@@ -87,7 +93,7 @@ class Stored:
 
     @cached_property
     def _touchable(self) -> _core.Surface:
-        return _core.Surface(self.mesh.points, self.touchable_triangles)
+        return _core.Surface(self._model.array("points"), self.touchable_triangles)
 
     @property
     def element(self) -> str:

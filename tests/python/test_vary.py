@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera import cli
 from viscera.case import read_case
 from viscera.touch import load_bytes
 from viscera.vary import law_at
@@ -53,6 +54,18 @@ def test_a_part_of_any_stiffness(touch: vs.Touch, bar: vs.Mesh) -> None:
     assert change > 1.5, "the finger feels what bends between it and the root"
     for young in (5e4, 1.3e5, 7e5, 2e6):
         assert gap(touch.at(young), organ_of(bar, young)) < 0.005
+
+
+def test_a_range_with_too_few_nodes_is_told(
+    bar: vs.Mesh, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    coarse = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 1e4, 1e7, part=waist, nodes=2))
+    assert "the 2 values of young that were solved" in caplog.text
+    assert "the model trusts none; give Vary more nodes" in caplog.text
+    coarse.save(tmp_path / "coarse.viscera")
+    words = ["check", str(tmp_path / "coarse.viscera"), "--value", "2e6", "--touches", "1", "--depths", "2%"]
+    assert cli.main(words) == 1
+    assert "reduce with more nodes in Vary, or a narrower range" in " ".join(capsys.readouterr().out.split())
 
 
 def test_the_model_begins_at_the_organs_own_value(touch: vs.Touch, bar: vs.Mesh) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import viscera as vs
+from viscera import cli
 from viscera.check import surface_points
 from viscera.mesh import Floats
 from viscera.touch import load_bytes
@@ -33,6 +35,30 @@ def test_the_surface_alone_answers_alike(touch: vs.Touch) -> None:
         assert np.array_equal(alone(POINT, push).force, touch(POINT, push).force)
         assert alone(POINT, push).error_estimate == touch(POINT, push).error_estimate
         assert np.array_equal(alone.surface_displacement(POINT, push), touch.surface_displacement(POINT, push))
+
+
+def test_the_surface_alone_says_what_it_lacks(touch: vs.Touch) -> None:
+    alone = load_bytes(surface_model(touch, "Bar"))
+    assert repr(alone).startswith(f"Touch({len(touch.surface_nodes)} points, order 3")
+    assert np.allclose(alone.locate(POINT), touch.locate(POINT))
+    with pytest.raises(vs.VisceraError, match="the nearest touchable point is"):
+        alone((9.0, 0.0, 0.0), (0, 0, -1e-3))
+    asked: list[Callable[[], object]] = [
+        lambda: alone.mesh,
+        lambda: alone.organ(),
+        lambda: alone.check(touches=1),
+        lambda: alone(POINT, (0, 0, -1e-3)).stress(),
+        lambda: alone(("10 cm", "50%", "10 cm"), (0, 0, -1e-3)),
+    ]
+    for ask in asked:
+        with pytest.raises(vs.VisceraError, match="this model has no cells: it was written for a page"):
+            ask()
+
+
+def test_a_page_model_is_touched_from_the_shell(touch: vs.Touch, tmp_path: Path) -> None:
+    (tmp_path / "page.viscera").write_bytes(surface_model(touch, "Bar"))
+    words = ["touch", str(tmp_path / "page.viscera"), "--at", "0.3", "0.05", "0.1", "--push", "0", "0", "-0.012"]
+    assert cli.main(words) == 0
 
 
 def test_arrays_lie_aligned(touch: vs.Touch) -> None:

@@ -102,6 +102,8 @@ enum viscera_guard_mode {
     VISCERA_GUARD_DAMPS = 5    /* there is an energy debt: the force is damped, or reduced to the allowed force */
 };
 
+/* Messages are in SI units and in the axes of the mesh, whatever frame the caller has set. */
+
 /* The interface version of the library. */
 uint32_t viscera_abi_version(void);
 

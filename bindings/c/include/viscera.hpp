@@ -22,6 +22,13 @@ public:
     const int32_t status;
 };
 
+/// How many points there are in a list of three numbers each.
+inline size_t triples(const std::vector<double> &points) {
+    if (points.size() % 3 == 0) return points.size() / 3;
+    const std::string count = std::to_string(points.size());
+    throw Error(VISCERA_SHORT_BUFFER, (count + " numbers are no list of points, which have three each").c_str());
+}
+
 /// A loaded model. It must outlive its probes and places.
 class Model {
 public:
@@ -116,7 +123,7 @@ private:
 class Places {
 public:
     /// Of points of the organ before a touch, three numbers each.
-    Places(const Model &model, const std::vector<double> &points) : count(points.size() / 3) {
+    Places(const Model &model, const std::vector<double> &points) : count(triples(points)) {
         viscera_places *made = nullptr;
         char message[256] = "";
         const int32_t status = viscera_places_at(model.get(), points.data(), count, &made, message, sizeof message);

@@ -4,7 +4,9 @@
 #ifndef VISCERA_HANDS_HPP
 #define VISCERA_HANDS_HPP
 
+#include <exception>
 #include <functional>
+#include <mutex>
 
 #include "viscera.hpp"
 #include "viscera_hands.h"
@@ -49,13 +51,17 @@ class Held;
 /// Contacts that hold the organ, used by one thread at a time.
 class Grasp {
 public:
-    /// Trains before it returns. `go_on`, which may be empty, is called by several threads at once; false cancels.
+    /// Trains before it returns. `go_on`, which may be empty, is called by several threads at once; false cancels, and so
+    /// does an exception, which is thrown again from here.
     Grasp(const Hands &hands, const std::vector<double> &points, std::function<bool()> go_on = nullptr) {
         viscera_grasp *made = nullptr;
         char message[256] = "";
-        const int32_t status = viscera_grasp_new(hands.get(), points.data(), points.size() / 3, go_on ? ask : nullptr,
-                                                 &go_on, &made, message, sizeof message);
-        take(made, status, message);
+        Question question(go_on);
+        const int32_t status = viscera_grasp_new(hands.get(), points.data(), triples(points), go_on ? ask : nullptr,
+                                                 &question, &made, message, sizeof message);
+        handle.reset(made);
+        if (question.thrown) std::rethrow_exception(question.thrown);
+        take(handle.release(), status, message);
     }
 
     /// Answers at once, and trains while it is in use.
@@ -63,7 +69,7 @@ public:
         Grasp grasp;
         viscera_grasp *made = nullptr;
         char message[256] = "";
-        const int32_t status = viscera_grasp_in_background(hands.get(), points.data(), points.size() / 3, &made, message,
+        const int32_t status = viscera_grasp_in_background(hands.get(), points.data(), triples(points), &made, message,
                                                            sizeof message);
         grasp.take(made, status, message);
         return grasp;
@@ -90,8 +96,24 @@ public:
     int32_t solve(const std::vector<double> &displacements, int32_t asked, double budget, Held &held);
 
 private:
+    /// No exception may pass through the library, so the first one waits here.
+    struct Question {
+        explicit Question(const std::function<bool()> &go_on) : go_on(go_on) {}
+        const std::function<bool()> &go_on;
+        std::mutex mutex;
+        std::exception_ptr thrown;
+    };
     Grasp() {}
-    static int32_t ask(void *go_on) { return (*static_cast<std::function<bool()> *>(go_on))() ? 1 : 0; }
+    static int32_t ask(void *context) noexcept {
+        Question &question = *static_cast<Question *>(context);
+        try {
+            return question.go_on() ? 1 : 0;
+        } catch (...) {
+            const std::lock_guard<std::mutex> lock(question.mutex);
+            if (!question.thrown) question.thrown = std::current_exception();
+            return 0;
+        }
+    }
     void take(viscera_grasp *made, int32_t status, const char *message) {
         handle.reset(made);
         if (status != VISCERA_OK) throw Error(status, message);

@@ -30,6 +30,14 @@ int main(int argc, char **argv) {
 
     if (!throws([&] { viscera::Grasp(hands, {0, 0, 9}); }, "contact 0")) return 9;
     if (!throws([&] { viscera::Grasp(hands, points, [] { return false; }); }, "stopped")) return 10;
+    if (!throws([&] { viscera::Grasp(hands, {0, 0, 9, 0}); }, "4 numbers are no list of points")) return 16;
+    if (!throws([&] { viscera::Grasp::in_background(hands, {0, 0}); }, "2 numbers are no list")) return 17;
+    try {
+        viscera::Grasp(hands, points, []() -> bool { throw 42; });
+        return 18;
+    } catch (int thrown) {
+        if (thrown != 42) return 19;
+    }
     sampling.tolerance = 2;
     if (!throws([&] { viscera::Hands(model, sampling); }, "tolerance 2")) return 11;
 

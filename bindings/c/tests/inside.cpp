@@ -72,6 +72,7 @@ int main(int argc, char **argv) {
     if (nodes.displacement(top, push, node) != VISCERA_OK || node[2] != static_cast<double>(field[3 * 7 + 2])) return 19;
 
     if (!throws([&] { viscera::Places(model, std::vector<double>{0, 0, 9}); }, "outside the organ")) return 20;
+    if (!throws([&] { viscera::Places(model, std::vector<double>{0, 0}); }, "2 numbers are no list of points")) return 24;
     if (!throws([&] { viscera::Places(model, std::vector<uint32_t>{1000000}); }, "the organ has nodes")) return 21;
     if (!throws([&] { model.set_parameter(2 * range.high); }, "this model is for")) return 22;
     return model.parameter().value == range.low ? 0 : 23;

@@ -14,7 +14,7 @@ use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::mesh::{Surface, diagonal};
-use viscera_touch::{Arrays, Errors, FORMAT_VERSION, Metadata, ReducedModel};
+use viscera_touch::{Arrays, Errors, FORMAT_VERSION, Metadata, ReducedModel, UNITS};
 
 impl Reduction {
     /// Builds the model; `progress` is called from this thread and may return false to stop.
@@ -119,7 +119,7 @@ impl Reduction {
         let metadata = Metadata {
             format_version: FORMAT_VERSION,
             package_version: env!("CARGO_PKG_VERSION").to_string(),
-            units: "SI".to_string(),
+            units: UNITS.to_string(),
             law: body.material().name().to_string(),
             law_parameter_names: body.material().names().to_vec(),
             element: body.element().name().to_string(),

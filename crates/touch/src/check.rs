@@ -3,7 +3,7 @@
 use super::arrays::Arrays;
 use super::departure::DIRECTIONS;
 use super::forms::{N_CUBIC, SECOND};
-use super::metadata::{Metadata, Parameter};
+use super::metadata::{Errors, Metadata, Parameter, UNITS};
 use super::resummation::SKETCH;
 
 use crate::Error;
@@ -20,6 +20,7 @@ pub(super) fn check(metadata: &Metadata, arrays: &Arrays) -> Result<Counts, Erro
     check_indices(arrays, &counts)?;
     check_family(metadata.parameter.as_ref(), arrays)?;
     check_values(arrays)?;
+    check_signs(metadata, arrays)?;
     Ok(counts)
 }
 
@@ -39,6 +40,22 @@ fn check_metadata(m: &Metadata) -> Result<(), Error> {
     ] {
         if !(value.is_finite() && value > 0.0) {
             return Err(Error::model_file(format!("{name} = {value}; it must be positive")));
+        }
+    }
+    if m.units != UNITS {
+        return Err(Error::model_file(format!("units {:?}; they are always {UNITS:?}", m.units)));
+    }
+    let Errors { compression, interpolation_half_depth, interpolation, parameter } = m.errors;
+    for (name, value) in [
+        ("compression", compression),
+        ("interpolation_half_depth", interpolation_half_depth),
+        ("interpolation", interpolation),
+        ("parameter", parameter),
+    ] {
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(Error::model_file(format!(
+                "errors.{name} = {value}; it must not be negative"
+            )));
         }
     }
     let shares = m.interpolation_shares.into_iter().flatten().map(|s| ("interpolation_shares", s));
@@ -269,6 +286,55 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
         check_finite(family, "departure", &answers.departure)?;
         check_finite(family, "position_coefficients", &answers.position_coefficients)?;
         check_finite(family, "edge_coefficients", &answers.edge_coefficients)?;
+    }
+    Ok(())
+}
+
+/// What cannot be negative: errors, squares of norms, and how far a place gives way under its own force. Of a family the
+/// last two are those of its members, since what is blended of them may overshoot.
+fn check_signs(metadata: &Metadata, a: &Arrays) -> Result<(), Error> {
+    let is_family = metadata.parameter.is_some();
+    let solved = if is_family { &a.family } else { &a.answers };
+    let family = if is_family { "family_" } else { "" };
+    let (per_position, squares) = squares(metadata.order);
+    check_not_negative(family, "norms", &solved.norms, per_position, &squares)?;
+    check_not_negative(family, "compliance", &solved.compliance, 9, &[0, 4, 8])?;
+    for (family, answers) in [("", &a.answers), ("family_", &a.family)] {
+        check_not_negative(family, "compression", &answers.compression, 1, &[0])?;
+        check_not_negative(family, "linear_compression", &answers.linear_compression, 1, &[0])?;
+        check_not_negative(family, "departure", &answers.departure, 1, &[0])?;
+    }
+    Ok(())
+}
+
+/// How many inner products of fields a position has, and which of them are squares: those on the diagonal of the square
+/// of each degree.
+fn squares(order: usize) -> (usize, Vec<usize>) {
+    let monomials = Monomials::of(3, order);
+    let (mut squares, mut end) = (Vec::new(), 0);
+    for degree in 1..=order {
+        let n = monomials.of_degree(degree).len();
+        squares.extend((0..n).map(|k| end + k * (n + 1)));
+        end += n * n;
+    }
+    (end, squares)
+}
+
+/// Checks some entries of each group of so many.
+fn check_not_negative<T: Copy + Into<f64>>(
+    family: &str,
+    name: &str,
+    values: &[T],
+    group: usize,
+    entries: &[usize],
+) -> Result<(), Error> {
+    for (number, values) in values.chunks_exact(group.max(1)).enumerate() {
+        if let Some(&entry) = entries.iter().find(|&&entry| values[entry].into() < 0.0) {
+            let (place, value): (usize, f64) = (number * group + entry, values[entry].into());
+            return Err(Error::model_file(format!(
+                "{family}{name}[{place}] is {value}; it must not be negative"
+            )));
+        }
     }
     Ok(())
 }

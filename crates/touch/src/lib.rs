@@ -46,7 +46,7 @@ pub use evaluate::{Answer, Trust, allowance};
 pub use felt::{Beside, Felt, Grip};
 pub use file::{View, to_bytes};
 pub use forms::{Cubic, N_CUBIC, cubic_index};
-pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
+pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter, UNITS};
 pub use model::ReducedModel;
 pub use notes::Notes;
 pub use places::Places;

@@ -8,6 +8,9 @@ pub const FORMAT_VERSION: u32 = 3;
 /// The first version, without checksums. All versions from this one on are read.
 pub const UNSEALED_FORMAT: u32 = 1;
 
+/// The only units of a model file.
+pub const UNITS: &str = "SI";
+
 /// Origin, settings and measured errors of a reduced model; SI units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metadata {

@@ -66,7 +66,7 @@ def say(result: Check, touch: Touch, output: Output) -> None:
         f"{result.microseconds_force:.1f} us per answer with force and stiffness, {result.microseconds_field:.0f} us "
         f"with the whole field (called from Python); check took {result.seconds:.1f} s"
     )
-    output.say(_verdict(result, len(beyond)))
+    output.say(_verdict(result, touch, len(beyond)))
 
 
 def _failure(row: Row) -> str:
@@ -77,7 +77,7 @@ def _failure(row: Row) -> str:
     return f"at {at}, push {push}: {errors}, {limit}; full solution {row.status}"
 
 
-def _verdict(result: Check, beyond: int) -> str:
+def _verdict(result: Check, touch: Touch, beyond: int) -> str:
     if beyond:
         return f"the check FAILED: trusted answers beyond their limits: {beyond}"
     if result.is_passed:
@@ -86,7 +86,13 @@ def _verdict(result: Check, beyond: int) -> str:
     found = (
         f"{overall.converged} of {overall.touches} full solutions converged, {overall.trusted} of their answers trusted"
     )
-    return f"nothing could be checked: {found}; check smaller depths, or reduce to a higher order"
+    of_parameter = float(touch.metadata["errors"].get("parameter", 0.0))
+    if touch.parameter is not None and of_parameter > allowed_error(0.0):
+        off = f"between the values of {touch.parameter['name']} that were solved answers are up to"
+        cure = f"{off} {_percent(of_parameter)} off; reduce with more nodes in Vary, or a narrower range"
+    else:
+        cure = "check smaller depths, or reduce to a higher order"
+    return f"nothing could be checked: {found}; {cure}"
 
 
 def _percent(value: float | None) -> str:

@@ -14,7 +14,6 @@ from viscera.answer import Answer
 from viscera.cli.options import add_value, model_at, number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.filekind import MODEL, check_picture, require
-from viscera.select import point
 from viscera.touch import Touch
 from viscera.vary import UNITS
 
@@ -80,7 +79,7 @@ def _parameter(touch: Touch) -> list[str]:
 
 def _moved(touch: Touch, answer: Answer, given: list[float | str]) -> list[str]:
     """Where the contact is, if the given point is beside the touchable surface."""
-    distance = float(np.linalg.norm(answer.contact_point - point(given, touch.mesh, "contact point")))
+    distance = float(np.linalg.norm(answer.contact_point - touch._point(given)))
     if distance <= NEAR * touch.radius:
         return []
     at = ", ".join(f"{1e3 * x:.1f}" for x in answer.contact_point)

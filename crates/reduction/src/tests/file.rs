@@ -135,6 +135,12 @@ fn values_out_of_their_domain_are_named() {
         (changed(|_, a| a.answers.norms[1] = f32::INFINITY), "norms[1] is inf"),
         (changed(|_, a| a.patch_weights[0] = 2.0), "patch_weights of position 0"),
         (changed(no_modes), "array mode_scale is empty"),
+        (changed(|m, _| m.units = "mm".into()), "units \"mm\"; they are always \"SI\""),
+        (changed(|m, _| m.errors.parameter = -5.0), "errors.parameter = -5"),
+        (changed(|_, a| a.answers.norms[0] *= -1.0), "norms[0] is -"),
+        (changed(|_, a| a.answers.compliance[17] *= -1.0), "compliance[17] is -"),
+        (changed(|_, a| a.answers.compression[1] = -1.0), "compression[1] is -1"),
+        (changed(|_, a| a.answers.linear_compression[2] = -1.0), "linear_compression[2] is -1"),
     ];
     for (sentence, expected) in cases {
         assert!(sentence.contains(expected), "{sentence:?} does not say {expected:?}");
