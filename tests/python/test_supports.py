@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.touch import load_bytes
+from viscera.viewer.surface import surface_model
 
 SIDE = 0.1
 SPRING = 4e5
@@ -113,6 +115,20 @@ def test_a_model_keeps_its_supports(tmp_path: Path) -> None:
         again.galerkin(order=2)
     with pytest.raises(vs.VisceraError, match="cannot be registered yet"):
         organ.register(landmarks={"top": (0.05, 0.05, SIDE)})
+
+
+def test_the_page_of_a_supported_organ_answers_alike() -> None:
+    """Its nodes are those of the surface, whatever the order of all nodes; it may not be made stiffer as a whole."""
+    mesh = block()
+    order = np.random.default_rng(0).permutation(len(mesh.points))
+    at = np.argsort(order)
+    shuffled = vs.mesh(mesh.points[order], at[mesh.cells], {name: at[nodes] for name, nodes in mesh.sets.items()})
+    touch = vs.Organ(shuffled, TISSUE, supports=[bed()]).reduce("top", radius=0.03, depth=0.004, order=3)
+    alone = load_bytes(surface_model(touch, "Block"))
+    point, push = (0.05, 0.05, SIDE), (0, 0, -0.002)
+    assert np.array_equal(alone(point, push).force, touch(point, push).force)
+    assert np.array_equal(alone.surface_displacement(point, push), touch.surface_displacement(point, push))
+    assert alone.metadata["user"]["is_stress_free"] is False
 
 
 def test_a_model_about_a_posture_of_a_supported_organ() -> None:

@@ -70,6 +70,24 @@ def test_a_second_link_opens_in_the_same_page(server: Server, look_at: Callable[
     other.close()
 
 
+def test_a_link_is_followed_without_the_probe(server: Server, look_at: Callable[..., Viewer]) -> None:
+    """It carries a contact that sticks, and so do paths: nothing is drawn that slides."""
+    other = look_at(server.url)
+    pressed = other.page.get_by_role("button", name="Probe")
+    other.call("toggleProbe")
+    assert pressed.get_attribute("aria-pressed") == "true"
+    other.page.goto(f"{server.url}#touch=300,50,100;0,0,-15")
+    other.page.wait_for_function("() => viscera.state().activity === 'kept'")
+    assert pressed.get_attribute("aria-pressed") == "false"
+    assert other.state["probe"] is None
+    other.call("rest")
+    other.call("toggleProbe")
+    other.call("togglePath")
+    assert pressed.get_attribute("aria-pressed") == "false"
+    assert other.complaints == []
+    other.close()
+
+
 def test_a_link_to_a_place_beside_the_organ_is_a_sentence(server: Server, look_at: Callable[..., Viewer]) -> None:
     other = look_at(f"{server.url}#touch=3000,50,100;0,0,-15&order=2")
     warning = other.page.locator(".warning.is-shown")

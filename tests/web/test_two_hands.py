@@ -142,6 +142,9 @@ def test_two_fingers_at_one_place_are_a_sentence_and_the_first_holds_on(telephon
     # Pictures say so, too, and of which stiffness.
     viewer.call("setStiffness", 2)
     assert viewer.call("caption").endswith(f"Stiffness × 2.0. {warning.inner_text()}")
+    # The organ has settled and sends no new forces: those that are there change.
+    doubled = viewer.state["two"][("force", "second")[first]]
+    assert doubled == pytest.approx((2.0 * force).tolist(), abs=2e-4 * np.linalg.norm(force))
     fingers("touchEnd")
     viewer.page.wait_for_function("() => viscera.state().two === null && viscera.state().activity === 'rest'")
     assert warning.count() == 0

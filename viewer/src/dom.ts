@@ -103,8 +103,17 @@ export function fixed(value: number, decimals: number): string {
   return value.toFixed(decimals).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−");
 }
 
-/** A force as it is read at a glance. */
+/** A length as it is read at a glance. */
+export function millimetres(length: number): string {
+  return `${Number((1000 * length).toPrecision(3))} mm`;
+}
+
+/** A force up to this is rounding [N]. */
+const NOTHING = 1e-8;
+
+/** A force as it is read at a glance: with two digits at least, however small. */
 export function newtons(force: number): string {
+  if (force > NOTHING && force < 0.00995) return `${fixed(force, 1 - Math.floor(Math.log10(force)))} N`;
   return `${fixed(force, force < 0.0995 ? 3 : force < 9.995 ? 2 : force < 999.5 ? 1 : 0)} N`;
 }
 

@@ -1,5 +1,5 @@
 // Whether an answer may be relied on, in words; empty where it may.
-import { percent } from "./dom";
+import { millimetres, percent } from "./dom";
 import type { Answer, Description, Felt } from "./evaluator";
 
 /** From here on a lower order's answer is too far from the highest one's, relative to that. */
@@ -50,5 +50,5 @@ function allowance(depth: number): number {
 }
 
 function mm(length: number): string {
-  return `${(1000 * length).toFixed(1)} mm`;
+  return length < 0.01 ? millimetres(length) : `${(1000 * length).toFixed(1)} mm`;
 }

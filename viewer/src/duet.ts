@@ -32,8 +32,8 @@ export class Duet {
   /** The hand that joined last. */
   private joined = 0;
   readonly holding: [Hand | null, Hand | null] = [null, null];
-  /** All stiffnesses of the organ, in units of its own. */
-  factor = 1;
+  /** All stiffnesses of the organ, in units of its own, by which its forces are multiplied. */
+  private times = 1;
   /** What is read off, in the place of the model's readings. */
   readonly root: HTMLElement;
   private readonly conversation: Conversation;
@@ -158,6 +158,24 @@ export class Duet {
     this.specimen.follow();
   }
 
+  get factor(): number {
+    return this.times;
+  }
+
+  /** An organ that has settled sends no further forces: those that are there change too. */
+  set factor(factor: number) {
+    this.scale(factor / this.times);
+    this.peak *= factor / this.times;
+    this.times = factor;
+    this.isFresh = true;
+    this.stage.invalidate();
+  }
+
+  private scale(by: number): void {
+    const { force, second } = this.specimen.facts;
+    for (const each of [force, second]) each.forEach((f, i) => (each[i] = by * f));
+  }
+
   /** The forces in words, and what is the matter. */
   get inWords(): [string, string] {
     const stiffness = this.factor === 1 ? "" : ` Stiffness × ${digits(this.factor, 2)}.`;
@@ -219,8 +237,7 @@ export class Duet {
 
   private take(numbers: Float32Array): void {
     this.specimen.take(numbers.subarray(1));
-    const { facts } = this.specimen;
-    for (const force of [facts.force, facts.second]) force.forEach((f, i) => (force[i] = this.factor * f));
+    this.scale(this.times);
     this.frames += 1;
     this.isFresh = true;
     this.stage.invalidate();

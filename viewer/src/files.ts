@@ -22,13 +22,14 @@ export async function load(url: string, say: (percent: number) => void): Promise
   const total = Number(response.headers.get("content-length"));
   requireRoom(total);
   const reader = response.body?.getReader();
-  if (!reader || !total) return new Uint8Array(await response.arrayBuffer());
+  if (!reader) return new Uint8Array(await response.arrayBuffer());
   const chunks: Uint8Array[] = [];
   let length = 0;
   for (let part = await reader.read(); !part.done; part = await reader.read()) {
     chunks.push(part.value);
     length += part.value.length;
-    say(Math.min(100, Math.round((100 * length) / total)));
+    // A server that compresses on its way does not know how much there is.
+    if (total) say(Math.min(100, Math.round((100 * length) / total)));
   }
   const all = withinMemory(length, () => new Uint8Array(length));
   chunks.reduce((at, chunk) => (all.set(chunk, at), at + chunk.length), 0);

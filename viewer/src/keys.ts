@@ -56,7 +56,8 @@ export const LIVE_KEYS: readonly [string, string][] = [
 /** Listens wherever in the view the focus is; returns what ends it. */
 export function listen(root: HTMLElement, view: Keyed): () => void {
   const act = (event: KeyboardEvent): boolean => {
-    const step = event.shiftKey ? 0.01 : 0.05;
+    const isTyped = ["+", "_"].includes(event.key); // with Shift on many keyboards
+    const step = event.shiftKey && !isTyped ? 0.01 : 0.05;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (event.ctrlKey || event.metaKey || event.altKey) return false;
     // Over the help keys mean nothing else than to close it.

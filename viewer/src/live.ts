@@ -54,6 +54,8 @@ export class LiveView implements Touched, Keyed, Shared {
   /** Why a hand could not take hold; it stands until one takes hold again. */
   private refusal = "";
   private laws: string[];
+  /** What was chosen in place of the case's own [m/s^2]. */
+  private gravity: Vec3 | null = null;
   private readonly row: Row;
   private readonly conversation: Conversation;
   private readonly surface: Surface;
@@ -159,8 +161,9 @@ export class LiveView implements Touched, Keyed, Shared {
   move(displacement: Vec3, hand = 0): void {
     const held = this.holding[hand];
     if (!held) return;
-    held.displacement = displacement;
-    this.conversation.gesture(hand, { move: displacement });
+    const within = Math.min(1, this.reach / Math.hypot(...displacement));
+    held.displacement = displacement.map((x) => within * x) as Vec3;
+    this.conversation.gesture(hand, { move: held.displacement });
     this.ask();
   }
 
@@ -210,12 +213,14 @@ export class LiveView implements Touched, Keyed, Shared {
   reset(): void {
     this.rest();
     this.conversation.forget();
+    if (this.gravity) this.conversation.want({ gravity: this.gravity });
     if (this.painter.colouring === "stress") this.conversation.want({ stress: true });
     this.setLaws(this.laws);
     this.stage.goHome();
   }
 
   setGravity(gravity: Vec3): void {
+    this.gravity = gravity;
     this.conversation.want({ gravity });
   }
 

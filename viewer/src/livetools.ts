@@ -9,8 +9,9 @@ import type { LiveView } from "./live";
 import type { LiveColouring } from "./livecolouring";
 import type { Tool } from "./pointer";
 
+const NONE = "0,0,0";
 const GRAVITIES: readonly [string, string][] = [
-  ["0,0,0", "no gravity"],
+  [NONE, "no gravity"],
   ["0,0,-9.81", "gravity −z"],
   ["0,0,9.81", "gravity +z"],
   ["0,-9.81,0", "gravity −y"],
@@ -18,6 +19,12 @@ const GRAVITIES: readonly [string, string][] = [
   ["-9.81,0,0", "gravity −x"],
   ["9.81,0,0", "gravity +x"],
 ];
+
+/** The choice, with the gravity of the case where that is another one. */
+function gravities(own: Vec3 | null): readonly [string, string][] {
+  const value = own?.join() ?? NONE;
+  return GRAVITIES.some(([known]) => known === value) ? GRAVITIES : [[value, "gravity of the case"], ...GRAVITIES];
+}
 
 export class LiveTools {
   readonly header: HTMLElement;
@@ -59,8 +66,8 @@ export class LiveTools {
     this.outline = button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W");
     this.probe = button("Probe", "show probes in place of the forces' arrows", () => view.toggleProbe(), "F");
     this.hasProbe = this.hasOutline = false;
-    const pull = choice("gravity", GRAVITIES, (value) => view.setGravity(value.split(",").map(Number) as Vec3));
-    pull.value = GRAVITIES.find(([value]) => value === gravity?.map(String).join())?.[0] ?? "0,0,0";
+    const pull = choice("gravity", gravities(gravity), (value) => view.setGravity(value.split(",").map(Number) as Vec3));
+    pull.value = gravity?.join() ?? NONE;
     pull.hidden = gravity === null;
     const reset = button("Reset", "start again from rest", () => view.reset(), "R");
     const { choice: look, slider } = view.sight;

@@ -1,6 +1,6 @@
 // The controls: name of the organ above, tools below, and the help.
 import type { Colouring } from "./colouring";
-import { button, digits, element, helpDialog, percent, Segments } from "./dom";
+import { button, digits, element, helpDialog, millimetres, percent, Segments } from "./dom";
 import type { Notes } from "./evaluator";
 import { KEYS } from "./keys";
 import { lawName } from "./lawname";
@@ -36,7 +36,7 @@ export class Tools {
       lawName(metadata.law),
       `${view.evaluator.outer.length} surface nodes`,
       ...(parameter ? [setting(parameter)] : []),
-      `up to ${(1000 * metadata.depth).toFixed(0)} mm deep`,
+      `up to ${millimetres(metadata.depth)} deep`,
       ...(web ? [`web version, within ${percent(web.worst_error)} of the full model in ${web.touches} touches`] : []),
     ];
     this.header = element(
@@ -102,6 +102,7 @@ export class Tools {
   sayStiffness(factor: number): void {
     this.stiffness.value = String(Math.log2(factor));
     this.factor.textContent = `× ${digits(factor, 2)}`;
+    this.factor.parentElement?.classList.toggle("is-changed", factor !== 1);
   }
 
   press(name: Switch, isOn: boolean): void {

@@ -180,6 +180,7 @@ export class View implements Touched, Keyed, Shared {
   /** Touches the surface near a point [m] and displaces the contact [m]. */
   touch(point: Vec3, displacement: Vec3): void {
     this.stop();
+    this.takeProbe(false);
     this.touchAt(point);
     this.activity = "kept";
     this.move(displacement);
@@ -276,9 +277,7 @@ export class View implements Touched, Keyed, Shared {
   toggleProbe(): void {
     const { two } = this;
     if (two.isPlaying) return;
-    two.hasProbe = !two.hasProbe;
-    this.display.arrow.hasProbe = two.hasProbe;
-    this.tools.press("probe", two.hasProbe);
+    this.takeProbe(!two.hasProbe);
     if (this.touching && (this.activity === "held" || this.activity === "kept")) {
       const { point, displacement } = this.touching;
       this.touchAt(point, two.hasProbe);
@@ -287,10 +286,17 @@ export class View implements Touched, Keyed, Shared {
     this.show();
   }
 
+  private takeProbe(hasProbe: boolean): void {
+    this.two.hasProbe = this.display.arrow.hasProbe = hasProbe;
+    this.tools.press("probe", hasProbe);
+  }
+
+  /** A touch goes along a way over the organ by itself. It sticks: a probe would slide. */
   togglePath(): void {
     if (this.activity === "path") return this.rest();
     this.rest();
     if (!this.walk.begin()) return;
+    this.takeProbe(false);
     this.activity = "path";
     this.tools.press("path", true);
   }

@@ -42,6 +42,11 @@ impl ReducedModel {
             positions: rows(&a.positions)?,
             surface_modes: self.modes_at(&nodes),
             patch_nodes: rows(&a.patch_nodes)?,
+            // What holds the full organ, which is not there any more.
+            tie_start: Vec::new(),
+            tie_nodes: Vec::new(),
+            tie_weights: Vec::new(),
+            tie_stiffness: Vec::new(),
             interior_modes: Vec::new(),
             parameter_cells: Vec::new(),
             family: Answers::default(),

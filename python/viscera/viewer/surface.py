@@ -26,7 +26,8 @@ def surface_alone(touch: Touch) -> Touch:
     shown = {
         "inside": [{"name": name, "triangles": listed} for name, listed in rows.items()],
         "axes": touch.mesh.axes,
-        "is_stress_free": touch.preload is None,
+        # The page may then multiply all stiffnesses: springs that hold the organ would stay as they are.
+        "is_stress_free": touch.preload is None and not len(touch._model.array("tie_stiffness")),
         **_setting(touch),
     }
     others = {name: note for name, note in touch._notes.items() if name != "cell_sets"}
