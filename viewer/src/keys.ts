@@ -53,6 +53,14 @@ export const LIVE_KEYS: readonly [string, string][] = [
   ["T  R  ?", "light or dark theme, reset, this help"],
 ];
 
+/** The same of a solved state, which is only looked at. */
+export const STILL_KEYS: readonly [string, string][] = [
+  ["drag", "turn the view; zoom with the wheel or with two fingers"],
+  ["C  W", "colour, wireframe at rest"],
+  ["I", "look: solid, translucent, cut open"],
+  ["T  R  ?", "light or dark theme, reset the view, this help"],
+];
+
 /** Listens wherever in the view the focus is; returns what ends it. */
 export function listen(root: HTMLElement, view: Keyed): () => void {
   const act = (event: KeyboardEvent): boolean => {

@@ -4,7 +4,7 @@ import { css } from "./colour";
 import type { Hello } from "./conversation";
 import { button, choice, element, helpDialog, Segments, write } from "./dom";
 import type { Vec3 } from "./evaluator";
-import { LIVE_KEYS } from "./keys";
+import { LIVE_KEYS, STILL_KEYS } from "./keys";
 import type { LiveView } from "./live";
 import type { LiveColouring } from "./livecolouring";
 import type { Tool } from "./pointer";
@@ -29,7 +29,7 @@ function gravities(own: Vec3 | null): readonly [string, string][] {
 export class LiveTools {
   readonly header: HTMLElement;
   readonly root: HTMLElement;
-  readonly help = helpDialog("Take hold of the organ", LIVE_KEYS);
+  readonly help: HTMLDialogElement;
   readonly tool: Segments<Tool>;
   readonly colouring: Segments<LiveColouring>;
   private readonly news = element("span");
@@ -37,7 +37,8 @@ export class LiveTools {
   private readonly probe: HTMLButtonElement;
 
   /** Above stand the organs of a scene, each with its colour, and the facts. */
-  constructor(view: LiveView, { organs = [], gravity }: Hello, facts: readonly string[], headset: HTMLButtonElement) {
+  constructor(view: LiveView, { organs = [], gravity, is_still }: Hello, facts: readonly string[], headset: HTMLButtonElement) {
+    this.help = is_still ? helpDialog("Look at the organ", STILL_KEYS) : helpDialog("Take hold of the organ", LIVE_KEYS);
     const theme = button("◐", "light or dark theme", () => view.toggleTheme(), "T");
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);
@@ -69,7 +70,9 @@ export class LiveTools {
     const pull = choice("gravity", gravities(gravity), (value) => view.setGravity(value.split(",").map(Number) as Vec3));
     pull.value = gravity?.join() ?? NONE;
     pull.hidden = gravity === null;
-    const reset = button("Reset", "start again from rest", () => view.reset(), "R");
+    const reset = button("Reset", is_still ? "reset the view" : "start again from rest", () => view.reset(), "R");
+    // Nobody can take hold of a solved state.
+    this.tool.root.hidden = this.probe.hidden = is_still ?? false;
     const { choice: look, slider } = view.sight;
     const controls = [this.tool.root, pull, this.colouring.root, this.outline, this.probe, look.root, slider, reset];
     this.root = element("nav", { class: "panel tools", "aria-label": "tools" }, ...controls);
