@@ -279,8 +279,9 @@ def compute(folder: Path) -> dict[Key, dict[str, float]]:
     wanted += [(*TYPICAL, seen_as, seed) for seen_as in WRONG for seed in range(COUNT)]
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS"), "1"))
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        for seed in range(COUNT):  # one process for each truth, the others find it
-            pool.submit(truth, seed, meshes()[0], folder)
+        # First the truths, which many rows read.
+        for made in [pool.submit(truth, seed, meshes()[0], folder) for seed in range(COUNT)]:
+            made.result()
         for done in as_completed([pool.submit(computed, folder, key) for key in wanted if key not in rows]):
             key, row = done.result()
             rows[key] = row

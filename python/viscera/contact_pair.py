@@ -94,22 +94,19 @@ class ContactPair:
 
 
 def refuse_same(pairs: Sequence[ContactPair]) -> None:
-    """Raise `VisceraError` if two pairs have the same sides: each would carry a part of the force."""
+    """Raise `VisceraError` if two pairs are of the same surfaces: each would carry a part of the force."""
     for number, pair in enumerate(pairs):
         for other in pairs[:number]:
-            if _are_same(pair.sides, other.sides) or _are_same(pair.sides, other.sides[::-1]):
+            if _named(pair) == _named(other):
                 raise VisceraError(
                     f"contacts of a scene: {pair!r} and {other!r} are of the same surfaces and would share the force; "
                     "name them once"
                 )
 
 
-def _are_same(one: Sequence[tuple[str, Where | None]], other: Sequence[tuple[str, Where | None]]) -> bool:
-    """Whether names agree, and places as they were named."""
-    return len(one) == len(other) and all(
-        name == its and (where is there or (isinstance(where, str) and isinstance(there, str) and where == there))
-        for (name, where), (its, there) in zip(one, other, strict=True)
-    )
+def _named(pair: ContactPair) -> set[tuple[str, str | int | None]]:
+    """Both sides as they were named, in any order; a place that is no name is the same only if it is one object."""
+    return {(name, where if where is None or isinstance(where, str) else id(where)) for name, where in pair.sides}
 
 
 def refuse_overlap(pair: ContactPair, meshes: Mapping[str, Mesh]) -> None:

@@ -221,12 +221,11 @@ def _components(target: Any, mesh: Mesh, count: int, name: str) -> list[Floats |
         return list(rows.T)
     if not isinstance(target, np.ndarray | list | tuple) or len(target) != 3:
         raise refused(f"displacement of {name}", 'three lengths [m], None or "free" for a free one', target)
-    free = [is_free(component) for component in target]
-    if all(free):
+    if all(map(is_free, target)):
         raise VisceraError(f"the displacement of {name} leaves all components free; remove it")
-    held = [0.0 if is_so else component for is_so, component in zip(free, target, strict=True)]
+    held = [0.0 if is_free(component) else component for component in target]
     filled = offset(held, mesh, f"displacement of {name}")
-    return [None if is_so else filled[axis] for axis, is_so in enumerate(free)]
+    return [None if is_free(component) else filled[axis] for axis, component in enumerate(target)]
 
 
 def is_free(component: object) -> bool:

@@ -46,24 +46,29 @@ class Stored:
         }
 
     @cached_property
+    def points(self) -> Floats:
+        """Nodes (n, 3) [m] before a touch; those of the surface alone in a model without cells."""
+        points: Floats = self._model.array("points")
+        points.flags.writeable = False
+        return points
+
+    @cached_property
     def mesh(self) -> Mesh:
         """The mesh in the shape before a touch, with its cell sets, and with midpoints if the element has them."""
         if self.preload is None:
             return self.rest
-        points = self._model.array("points")
-        points.flags.writeable = False
-        return replace(self.rest, points=points)
+        return replace(self.rest, points=self.points)
 
     @cached_property
     def rest(self) -> Mesh:
         """The mesh at rest: `mesh`, unless the model has a preload."""
-        points, cells = self._model.array("points"), self._model.array("cells")
+        cells = self._model.array("cells")
         if not len(cells):
             raise VisceraError(
                 "this model has no cells: it was written for a page, which needs none. It answers touches given in "
                 "metres; for the mesh and what lies inside take the file that it was exported from"
             )
-        free = points if self.preload is None else points - self.preload
+        free = self.points if self.preload is None else self.points - self.preload
         parts = cell_sets(self._notes, len(cells))
         linear = replace(mesh(free[: int(cells.max()) + 1], cells, cell_sets=parts), axes=self._notes.get("axes", ""))
         return linear.quadratic() if self.element == "P2" else linear
@@ -93,7 +98,7 @@ class Stored:
 
     @cached_property
     def _touchable(self) -> _core.Surface:
-        return _core.Surface(self._model.array("points"), self.touchable_triangles)
+        return _core.Surface(self.points, self.touchable_triangles)
 
     @property
     def element(self) -> str:

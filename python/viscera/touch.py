@@ -277,7 +277,7 @@ class Touch(Stored, Pictured):
         [1.0, 0.1, 0.1]
         """
         triangle, weights, _ = self._touchable.closest(self._point(point))
-        return np.asarray(weights @ self._model.array("points")[self.touchable_triangles[triangle]])
+        return np.asarray(weights @ self.points[self.touchable_triangles[triangle]])
 
     def plot(
         self, point: Lengths, displacement: Lengths, path: str | os.PathLike[str] | None = None, title: str = ""
@@ -343,7 +343,7 @@ class Touch(Stored, Pictured):
     def __repr__(self) -> str:
         parameter = self.metadata.get("parameter")
         at = f", {parameter['name']} = {self.value:g}" if parameter else ""
-        return f"Touch({len(self._model.array('points'))} points, order {self.order}, depth {self.depth:g} m{at})"
+        return f"Touch({len(self.points)} points, order {self.order}, depth {self.depth:g} m{at})"
 
 
 def load(path: str | os.PathLike[str]) -> Touch:

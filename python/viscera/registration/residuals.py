@@ -5,8 +5,7 @@ however well forces have brought it near: the products of residuals of neighbour
 
     s^2 = sum_c sum_{i != j in c} w_i w_j r_i r_j / sum_c sum_{i != j in c} w_i w_j,
 
-over cubes c of feet of the points on the organ. Noise alone would leave it at zero, so s needs no noise to be told; of
-what noise there is depends how well it is known.
+over cubes c of feet of the points on the organ. Noise alone leaves it at zero, so the noise need not be told to find s.
 """
 
 from __future__ import annotations
@@ -22,11 +21,12 @@ from viscera.registration.rigid import spread
 MISFIT = 1.5
 """Largest `misfit` of a good fit. It is about 1 where noise and model are as was said, and scatters where points are
 few; a bound nearer to 1 would blame good fits."""
-SYSTEMATIC, ROUND = 2.0, 0.1
-"""Largest systematic residual of a good fit: so many times the model's error, and this part of the noise, by which a
-curved surface seems to lie farther out. `benchmarks/registration.py` prints what right and wrong clouds leave."""
-SURE = 2.0
-"""Standard deviations by which noise alone may exceed it."""
+SYSTEMATIC, CURVED = 2.0, 0.1
+"""Largest systematic residual of a good fit: so many times the model's error and, added in squares, this part of the
+noise, since a curved surface seems to lie farther out where points are noisy. `benchmarks/registration.py` prints what
+right and wrong clouds leave."""
+CERTAIN = 2.0
+"""Standard deviations of s^2 by noise alone that it must be beyond that."""
 FAR = 3.0
 """Residuals over their spread beyond which they may be of something else."""
 NEIGHBOURS = 10.0
@@ -57,8 +57,8 @@ def left(residual: Floats, feet: Floats, weights: Floats, noise: float, size: fl
     scatter = spread(residual * np.sqrt(weights), weights)
     near = np.abs(residual) * np.sqrt(weights) < FAR * scatter
     square, deviation = _in_common(residual[near], feet[near], weights[near], scatter, size)
-    bound = np.hypot(SYSTEMATIC * WRONG * size, ROUND * noise)
-    is_systematic = square > bound**2 + SURE * deviation
+    bound = np.hypot(SYSTEMATIC * WRONG * size, CURVED * noise)
+    is_systematic = square > bound**2 + CERTAIN * deviation
     return Left(misfit, float(np.sqrt(max(square, 0.0))), misfit > MISFIT or bool(is_systematic))
 
 
