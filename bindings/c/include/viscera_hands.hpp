@@ -61,7 +61,7 @@ public:
                                                  &question, &made, message, sizeof message);
         handle.reset(made);
         if (question.thrown) std::rethrow_exception(question.thrown);
-        take(handle.release(), status, message);
+        if (status != VISCERA_OK) throw Error(status, message);
     }
 
     /// Answers at once, and trains while it is in use.

@@ -61,7 +61,7 @@ pub use formula::{FORMULA, Formula};
 pub use fung::Fung;
 pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
 pub use kernels::{Family, LawKernels, Rows, SeriesKernels, Shared, SharedSeries};
-pub use linear::Linear;
+pub use linear::{LINEAR, Linear};
 pub use material::Material;
 pub use mooney_rivlin::{MooneyRivlin, Volumetric};
 pub use neo_hookean::NeoHookean;

@@ -3,6 +3,9 @@ use viscera_number::Scalar;
 use viscera_number::tensor::{Mat3, Vec3, dot, spherical, trace};
 use viscera_number::unroll::tabulate;
 
+/// Its name. It is the one law that is not objective, and the one whose tangent is the same everywhere.
+pub const LINEAR: &str = "linear";
+
 /// Linear elasticity: `P = lam tr(e) I + 2 mu e`, `e = (F + F^T)/2 - I`.
 ///
 /// Exact for infinitesimal displacements only; it inflates whatever rotates.

@@ -2,6 +2,7 @@
 //! it is made. A new law is a file beside this one and a row here.
 
 use super::kernels::{LawKernels, Rows};
+use super::linear::LINEAR;
 use super::{
     ArrudaBoyce, Corotated, Fung, HolzapfelGasserOgden, Linear, MooneyRivlin, NeoHookean, Ogden,
     SaintVenantKirchhoff, StableNeoHookean, VerondaWestmann, Volumetric, Yeoh,
@@ -187,7 +188,7 @@ fn holzapfel_gasser_ogden(p: &[f64], bear_compression: bool) -> HolzapfelGasserO
 /// All laws. A static, not a constant: every reader of a constant would compile the kernels of all laws again.
 pub static ROWS: &[Row] = &[
     Row {
-        name: "linear",
+        name: LINEAR,
         parameters: LAME,
         conditions: LAME_CONDITIONS,
         is_analytic: true,

@@ -145,11 +145,7 @@ impl<T: Precision> Cholesky<T> {
         x: &mut [f64],
         column: &mut Column<T>,
     ) -> Result<(), FactorError> {
-        if !self.is_factorized {
-            return Err(FactorError::NotFactorized);
-        }
-        FactorError::expect_length("rows", self.analysis.n(), rows.len())?;
-        column.solve(&self.factor(), rows, b, x);
+        column.solve(&self.factor_for(rows)?, rows, b, x);
         Ok(())
     }
 
@@ -165,12 +161,17 @@ impl<T: Precision> Cholesky<T> {
         n: usize,
         few: &mut Column<T, [T; FEW]>,
     ) -> Result<(), FactorError> {
+        few.solve(&self.factor_for(rows)?, rows, columns, n);
+        Ok(())
+    }
+
+    /// The factor, if there is one of so many rows.
+    fn factor_for(&self, rows: &[u32]) -> Result<Factor<'_, T>, FactorError> {
         if !self.is_factorized {
             return Err(FactorError::NotFactorized);
         }
         FactorError::expect_length("rows", self.analysis.n(), rows.len())?;
-        few.solve(&self.factor(), rows, columns, n);
-        Ok(())
+        Ok(self.factor())
     }
 
     fn factor(&self) -> Factor<'_, T> {

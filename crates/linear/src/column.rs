@@ -38,8 +38,7 @@ impl<T: Precision, V: Entry<T>> Column<T, V> {
 impl<T: Precision> Column<T> {
     /// `x[rows] = L⁻ᵀ L⁻¹ b[rows]`, scaled to stay within the range of `T`.
     pub(super) fn solve(&mut self, factor: &Factor<'_, T>, rows: &[u32], b: &[f64], x: &mut [f64]) {
-        let largest = rows.iter().fold(0.0, |max: f64, &row| max.max(b[row as usize].abs()));
-        let scale = if largest > 0.0 { largest } else { 1.0 };
+        let scale = size_of(rows, b);
         let inverse = scale.recip();
         for (value, &row) in self.values.iter_mut().zip(rows) {
             *value = T::round(b[row as usize] * inverse);
@@ -62,9 +61,7 @@ impl<T: Precision> Column<T, [T; FEW]> {
     ) {
         let mut scales = [1.0; FEW];
         for (scale, column) in scales.iter_mut().zip(columns.chunks_exact(n)) {
-            let largest =
-                rows.iter().fold(0.0, |max: f64, &row| max.max(column[row as usize].abs()));
-            *scale = if largest > 0.0 { largest } else { 1.0 };
+            *scale = size_of(rows, column);
         }
         self.values.fill([T::default(); FEW]);
         for (k, column) in columns.chunks_exact(n).enumerate() {
@@ -80,6 +77,12 @@ impl<T: Precision> Column<T, [T; FEW]> {
             }
         }
     }
+}
+
+/// The largest of some rows, by which they are divided; 1 if all are zero.
+fn size_of(rows: &[u32], b: &[f64]) -> f64 {
+    let largest = rows.iter().fold(0.0, |max: f64, &row| max.max(b[row as usize].abs()));
+    if largest > 0.0 { largest } else { 1.0 }
 }
 
 struct Substitution<'a, T, V> {

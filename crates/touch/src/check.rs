@@ -46,23 +46,17 @@ fn check_metadata(m: &Metadata) -> Result<(), Error> {
         return Err(Error::model_file(format!("units {:?}; they are always {UNITS:?}", m.units)));
     }
     let Errors { compression, interpolation_half_depth, interpolation, parameter } = m.errors;
-    for (name, value) in [
-        ("compression", compression),
-        ("interpolation_half_depth", interpolation_half_depth),
-        ("interpolation", interpolation),
-        ("parameter", parameter),
-    ] {
-        if !(value.is_finite() && value >= 0.0) {
-            return Err(Error::model_file(format!(
-                "errors.{name} = {value}; it must not be negative"
-            )));
-        }
-    }
+    let errors = [
+        ("errors.compression", compression),
+        ("errors.interpolation_half_depth", interpolation_half_depth),
+        ("errors.interpolation", interpolation),
+        ("errors.parameter", parameter),
+    ];
     let shares = m.interpolation_shares.into_iter().flatten().map(|s| ("interpolation_shares", s));
-    let mut shares = shares.chain(m.truncation_share.map(|s| ("truncation_share", s)));
-    match shares.find(|(_, share)| !(share.is_finite() && *share >= 0.0)) {
-        Some((name, share)) => {
-            Err(Error::model_file(format!("{name}: {share}; it must not be negative")))
+    let shares = shares.chain(m.truncation_share.map(|s| ("truncation_share", s)));
+    match errors.into_iter().chain(shares).find(|(_, x)| !(x.is_finite() && *x >= 0.0)) {
+        Some((name, value)) => {
+            Err(Error::model_file(format!("{name} = {value}; it must not be negative")))
         }
         None => Ok(()),
     }

@@ -374,9 +374,7 @@ impl Body {
     /// Adds a share of what ties contribute to the internal force [N].
     pub fn add_tie_force(&self, u: &[f64], share: f64, force: &mut [f64]) {
         if let Some(ties) = self.ties() {
-            let mut own = vec![0.0; force.len()];
-            ties.add_internal_force(u, &mut own);
-            force.iter_mut().zip(own).for_each(|(f, own)| *f += share * own);
+            ties.add_share_of_force(u, share, force);
         }
     }
 

@@ -138,12 +138,18 @@ impl Ties {
 
     /// Adds `K u` [N]; returns the energy [J].
     pub fn add_internal_force(&self, u: &[f64], force: &mut [f64]) -> f64 {
+        self.add_share_of_force(u, 1.0, force)
+    }
+
+    /// Adds a share of `K u` [N]; returns the whole energy [J].
+    pub(super) fn add_share_of_force(&self, u: &[f64], share: f64, force: &mut [f64]) -> f64 {
         let mut energy = 0.0;
         for (sample, k) in self.stiffness.iter().enumerate() {
             let stretch = self.stretch(sample, u);
             let pull = times(k, stretch);
             energy += 0.5 * (0..3).map(|i| stretch[i] * pull[i]).sum::<f64>();
             for (node, weight) in self.sample(sample) {
+                let weight = share * weight;
                 (0..3).for_each(|i| force[3 * node as usize + i] += weight * pull[i]);
             }
         }
@@ -151,6 +157,7 @@ impl Ties {
             let Some(pull) = link.at(u, Curvature::Exact) else { continue };
             energy += pull.energy;
             for &(node, weight) in &link.ends {
+                let weight = share * weight;
                 (0..3).for_each(|i| force[3 * node as usize + i] += weight * pull.force[i]);
             }
         }

@@ -12,6 +12,7 @@ use crate::equilibrium::problem::{Problem, patch_mean};
 use crate::equilibrium::system::{Choice, ConstrainedSystem, Method, NegativeCurvature, waves};
 use crate::equilibrium::tangent::Tangent;
 use crate::error::Error;
+use crate::law::LINEAR;
 use crate::linear::FactorError;
 use std::sync::Arc;
 
@@ -231,7 +232,7 @@ impl<'a> Run<'a> {
     /// Whether the tangent is the same everywhere.
     pub(super) fn is_linear(&self) -> bool {
         let Problem { body, pressure, .. } = self.problem;
-        let is_law = body.material().name() == "linear";
+        let is_law = body.material().name() == LINEAR;
         is_law && pressure.is_empty() && self.contact.is_empty() && !body.has_links()
     }
 

@@ -12,7 +12,7 @@ use crate::body::{BlockPattern, Body, Curvature};
 use crate::element::Geometry;
 use crate::equilibrium::Tangent;
 use crate::error::Error;
-use crate::law::Material;
+use crate::law::{LINEAR, Material};
 use crate::tensor::{Mat3, add, inverse, mul_vector, scale, sub};
 use crate::unroll::tabulate;
 
@@ -51,9 +51,6 @@ impl Prony {
         Ok(())
     }
 }
-
-/// The law that is not objective.
-const SMALL_STRAIN: &str = "linear";
 
 const IDENTITY: Mat3<f64> = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -100,7 +97,7 @@ impl Relaxation {
                 let Geometry { gradients: [x, y, z], volume } =
                     Geometry::new(nodes.map(|n| body.points()[n as usize]));
                 let first = std::array::from_fn(|i| -x[i] - y[i] - z[i]);
-                let is_small_strain = body.material().name_of_cell(number) == SMALL_STRAIN;
+                let is_small_strain = body.material().name_of_cell(number) == LINEAR;
                 let gradients = [first, x, y, z];
                 Cell { nodes, gradients, volume, blocks: [[0; 4]; 4], is_small_strain }
             })

@@ -27,6 +27,8 @@ pub(super) struct Border {
     /// `(W Wᵀ)⁻¹`.
     gram: Mat<f64>,
     n_dofs: usize,
+    /// A row of `W` laid out, zero between uses.
+    column: Vec<f64>,
     /// Columns of `G`, one after the other.
     influence: Vec<f64>,
     /// `(W G)⁻¹`.
@@ -45,7 +47,7 @@ impl Border {
             row.iter().for_each(|&(dof, _)| dense[dof as usize] = 0.0);
         }
         let gram = inverse(&gram);
-        Border { rows, gram, n_dofs, influence: Vec::new(), schur: Mat::zeros(0, 0) }
+        Border { rows, gram, n_dofs, column: dense, influence: Vec::new(), schur: Mat::zeros(0, 0) }
     }
 
     /// Means that do not change.
@@ -67,14 +69,19 @@ impl Border {
         &mut self,
         mut solve: impl FnMut(&[f64], &mut [f64]) -> Result<(), FactorError>,
     ) -> Result<(), FactorError> {
-        self.influence_of_all(|columns, n| {
-            let mut b = vec![0.0; n];
-            columns.chunks_exact_mut(n).try_for_each(|column| {
-                b.copy_from_slice(column);
-                column.fill(0.0);
-                solve(&b, column)
-            })
-        })
+        let Border { rows, column, n_dofs, influence, .. } = self;
+        if rows.is_empty() {
+            return Ok(());
+        }
+        influence.resize(*n_dofs * rows.len(), 0.0);
+        for (row, out) in rows.iter().zip(influence.chunks_exact_mut(*n_dofs)) {
+            row.iter().for_each(|&(dof, w)| column[dof as usize] = w);
+            out.fill(0.0);
+            solve(column, out)?;
+            row.iter().for_each(|&(dof, _)| column[dof as usize] = 0.0);
+        }
+        self.renew_schur();
+        Ok(())
     }
 
     /// The same where `M⁻¹` solves in place for several columns of all degrees of freedom, so many each.
@@ -82,21 +89,25 @@ impl Border {
         &mut self,
         solve: impl FnOnce(&mut [f64], usize) -> Result<(), FactorError>,
     ) -> Result<(), FactorError> {
-        let k = self.rows.len();
-        if k == 0 {
+        let Border { rows, n_dofs, influence, .. } = self;
+        if rows.is_empty() {
             return Ok(());
         }
-        let n = self.n_dofs;
-        self.influence.clear();
-        self.influence.resize(n * k, 0.0);
-        for (row, column) in self.rows.iter().zip(self.influence.chunks_exact_mut(n)) {
+        influence.clear();
+        influence.resize(*n_dofs * rows.len(), 0.0);
+        for (row, column) in rows.iter().zip(influence.chunks_exact_mut(*n_dofs)) {
             row.iter().for_each(|&(dof, w)| column[dof as usize] = w);
         }
-        solve(&mut self.influence, n)?;
-        let columns = self.influence.chunks_exact(n);
-        let means: Vec<Vec<f64>> = columns.map(|column| self.means(column)).collect();
-        self.schur = inverse(&Mat::from_fn(k, k, |r, c| means[c][r]));
+        solve(influence, *n_dofs)?;
+        self.renew_schur();
         Ok(())
+    }
+
+    fn renew_schur(&mut self) {
+        let columns = self.influence.chunks_exact(self.n_dofs.max(1));
+        let means: Vec<Vec<f64>> = columns.map(|column| self.means(column)).collect();
+        let k = self.rows.len();
+        self.schur = inverse(&Mat::from_fn(k, k, |r, c| means[c][r]));
     }
 
     /// Number of negative eigenvalues of `W G`; none if it cannot be determined.
