@@ -283,20 +283,6 @@ def test_a_uniform_pressure_passes_a_contact(element: str) -> None:
     assert touched == pytest.approx(800.0, rel=1e-5)
 
 
-def test_a_support_that_organs_share_tells_the_force_on_all_of_them() -> None:
-    """Two blocks of different weight on one bed."""
-    bed = vs.ElasticSupport("base", 1e6)
-    mesh = block(2)
-    beside = vs.mesh(mesh.points + np.array([2.0 * SIDE, 0.0, 0.0]), mesh.cells, mesh.sets)
-    scene = vs.Scene({name: vs.Organ(at, SOFT, supports=[bed]) for name, at in (("a", mesh), ("b", beside))})
-    density = {"a": 1000.0, "b": 100.0}
-    state = scene.solve(gravity=(0, 0, -9.81), density=density, throw=True)
-    frame = scene.stepper(iterations=20, density=density).frame(gravity=(0, 0, -9.81))
-    for result in (state, frame):
-        assert result.support_force(bed)[2] == pytest.approx(1100.0 * 9.81 * SIDE**3, rel=1e-6)
-        assert result["b"].support_force(bed)[2] == pytest.approx(100.0 * 9.81 * SIDE**3, rel=1e-6)
-
-
 def test_surfaces_may_touch_once() -> None:
     pairs = [vs.ContactPair("lower", "upper"), vs.ContactPair("upper", "lower", friction=0.1)]
     scene = pile((SOFT, STIFF))

@@ -101,9 +101,10 @@ export class Conversation {
     Object.assign(said, wish);
   }
 
-  /** Forgets what was wanted. */
-  forget(): void {
-    this.wanted = {};
+  /** Forgets what hands were to do, and nothing else that was wanted. */
+  forgetHands(): void {
+    const { grab, organ, move, release, second, ...others } = this.wanted;
+    this.wanted = others;
   }
 
   /** Asks for a frame where something is wanted or moves; one at a time. */
@@ -111,7 +112,7 @@ export class Conversation {
     if (this.isWaiting || !this.link.isOpen || !(isMoving || this.hasWishes)) return;
     this.link.send(JSON.stringify(this.wanted));
     this.asked = this.wanted;
-    this.forget();
+    this.wanted = {};
     this.isWaiting = true;
   }
 

@@ -113,8 +113,9 @@ const NOTHING = 1e-8;
 
 /** A force as it is read at a glance: with two digits at least, however small. */
 export function newtons(force: number): string {
-  if (force > NOTHING && force < 0.00995) return `${fixed(force, 1 - Math.floor(Math.log10(force)))} N`;
-  return `${fixed(force, force < 0.0995 ? 3 : force < 9.995 ? 2 : force < 999.5 ? 1 : 0)} N`;
+  const isSmall = force > NOTHING && force < 0.00995;
+  const decimals = isSmall ? 1 - Math.floor(Math.log10(force)) : force < 0.0995 ? 3 : force < 9.995 ? 2 : force < 999.5 ? 1 : 0;
+  return `${fixed(force, decimals)} N`;
 }
 
 /** A share as a percentage. */

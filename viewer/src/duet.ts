@@ -32,7 +32,7 @@ export class Duet {
   /** The hand that joined last. */
   private joined = 0;
   readonly holding: [Hand | null, Hand | null] = [null, null];
-  /** All stiffnesses of the organ, in units of its own, by which its forces are multiplied. */
+  /** What the forces of a frame are multiplied by. */
   private times = 1;
   /** What is read off, in the place of the model's readings. */
   readonly root: HTMLElement;
@@ -90,7 +90,7 @@ export class Duet {
       this.isPlaying = true;
       this.isShown = this.isFresh = this.specimen.hasSettled = false;
       this.frames = this.peak = 0;
-      this.conversation.forget();
+      this.conversation.forgetHands();
       this.conversation.want({ laws: [this.specimen.law] });
       this.grab({ point, normal, displacement }, owner);
     }
@@ -158,6 +158,7 @@ export class Duet {
     this.specimen.follow();
   }
 
+  /** All stiffnesses of the organ, in units of its own. */
   get factor(): number {
     return this.times;
   }

@@ -64,8 +64,9 @@ export const STILL_KEYS: readonly [string, string][] = [
 /** Listens wherever in the view the focus is; returns what ends it. */
 export function listen(root: HTMLElement, view: Keyed): () => void {
   const act = (event: KeyboardEvent): boolean => {
-    const isTyped = ["+", "_"].includes(event.key); // with Shift on many keyboards
-    const step = event.shiftKey && !isTyped ? 0.01 : 0.05;
+    // Many keyboards have + and _ with Shift, which then asks for nothing else.
+    const isSmall = event.shiftKey && event.key !== "+" && event.key !== "_";
+    const step = isSmall ? 0.01 : 0.05;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (event.ctrlKey || event.metaKey || event.altKey) return false;
     // Over the help keys mean nothing else than to close it.

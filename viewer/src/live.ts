@@ -14,7 +14,7 @@ import { LiveReadings } from "./livereadings";
 import { LiveTools } from "./livetools";
 import { Mean, paceInWords } from "./pace";
 import { Plan } from "./plan";
-import { nudged, Pointer, type Reading, type Tool, type Touched } from "./pointer";
+import { nudged, Pointer, type Reading, type Tool, type Touched, within } from "./pointer";
 import { Row } from "./row";
 import type { Hand, Specimen } from "./specimen";
 import { Share, type Shared } from "./share";
@@ -54,8 +54,6 @@ export class LiveView implements Touched, Keyed, Shared {
   /** Why a hand could not take hold; it stands until one takes hold again. */
   private refusal = "";
   private laws: string[];
-  /** What was chosen in place of the case's own [m/s^2]. */
-  private gravity: Vec3 | null = null;
   private readonly row: Row;
   private readonly conversation: Conversation;
   private readonly surface: Surface;
@@ -161,8 +159,7 @@ export class LiveView implements Touched, Keyed, Shared {
   move(displacement: Vec3, hand = 0): void {
     const held = this.holding[hand];
     if (!held) return;
-    const within = Math.min(1, this.reach / Math.hypot(...displacement));
-    held.displacement = displacement.map((x) => within * x) as Vec3;
+    held.displacement = within(displacement, this.reach);
     this.conversation.gesture(hand, { move: held.displacement });
     this.ask();
   }
@@ -212,15 +209,13 @@ export class LiveView implements Touched, Keyed, Shared {
   /** Begins anew, from rest and with nobody touching. */
   reset(): void {
     this.rest();
-    this.conversation.forget();
-    if (this.gravity) this.conversation.want({ gravity: this.gravity });
+    this.conversation.forgetHands();
     if (this.painter.colouring === "stress") this.conversation.want({ stress: true });
     this.setLaws(this.laws);
     this.stage.goHome();
   }
 
   setGravity(gravity: Vec3): void {
-    this.gravity = gravity;
     this.conversation.want({ gravity });
   }
 

@@ -237,6 +237,12 @@ export class Pointer {
   }
 }
 
+/** A displacement, shortened to a length [m] where it is longer. */
+export function within(displacement: Vec3, longest: number): Vec3 {
+  const part = Math.min(1, longest / Math.hypot(...displacement));
+  return displacement.map((x) => part * x) as Vec3;
+}
+
 /** A contact's displacement moved on by lengths [m] along the screen's axes and along the inward normal. */
 export function nudged(
   { camera }: Stage,

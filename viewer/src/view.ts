@@ -286,12 +286,13 @@ export class View implements Touched, Keyed, Shared {
     this.show();
   }
 
+  /** Into the hand, or out of it. */
   private takeProbe(hasProbe: boolean): void {
     this.two.hasProbe = this.display.arrow.hasProbe = hasProbe;
     this.tools.press("probe", hasProbe);
   }
 
-  /** A touch goes along a way over the organ by itself. It sticks: a probe would slide. */
+  /** A contact that sticks moves over the organ by itself, or stops. */
   togglePath(): void {
     if (this.activity === "path") return this.rest();
     this.rest();
