@@ -83,8 +83,10 @@ def test_jaws_that_meet_press_on_each_other(element: str) -> None:
 
     other = scene(reverse, element=element).solve(displacement=closing())
     assert other.force(reverse) == pytest.approx(-told.force, abs=1e-6 * -told.force[0])
-    iterative = one.solve(displacement=closing(), solver="cg")
-    assert abs(iterative.displacement - state.displacement).max() < 1e-6 * SIDE
+    # However it comes there, it samples the pieces that the surfaces share in the end.
+    for way in ({"solver": "cg"}, {"steps": 4}):
+        again = one.solve(displacement=closing(), **way)
+        assert abs(again.displacement - state.displacement).max() < 1e-7 * SIDE, way
     for solver in ("cholesky", "cg"):
         stepper = one.stepper(closing(0.0), iterations=40, settled=1e-7, solver=solver)
         for part in CLOSING:
@@ -181,8 +183,10 @@ def test_a_surface_touches_itself_as_its_places_touch_each_other(element: str) -
     assert not np.any(told.force)
     touched = told.pressures > 0.0
     assert set(np.flatnonzero(touched)) <= set(one.mesh.nodes("jaws/left")) | set(one.mesh.nodes("jaws/right"))
-    iterative = one.solve(displacement=closing(), solver="cg")
-    assert abs(iterative.displacement - state.displacement).max() < 1e-6 * SIDE
+    # However it comes there, it samples the pieces that the surfaces share in the end.
+    for way in ({"solver": "cg"}, {"steps": 4}):
+        again = one.solve(displacement=closing(), **way)
+        assert abs(again.displacement - state.displacement).max() < 1e-7 * SIDE, way
     stepper = one.stepper(closing(0.0), iterations=40, settled=1e-7)
     for part in CLOSING:
         frame = stepper.frame(closing(0.012 * part))

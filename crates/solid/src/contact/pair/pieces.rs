@@ -6,10 +6,11 @@ use crate::contact::layer::Layer;
 use crate::contact::meeting::Meeting;
 use crate::mesh::{Boxes, cross, dot, norm, overlap_of, sub};
 
-/// How often a step finds the pieces anew at most, and how far, relative to the reach, a surface moves before it does:
-/// where they stay, the iteration ends as Newton's does. If one moves as far as `GONE`, it does so in any case.
-const RENEWALS: usize = 20;
+/// How far, over the reach, a surface moves before a step finds the pieces anew: where they stay, the iteration ends as
+/// Newton's does. From so many renewals on it is twice as far each time, up to `GONE`, and with friction, which ties the
+/// samples, as far as that at once. If a surface moves that far, the pieces are found anew in any case.
 const STILL: f64 = 1e-5;
+const RENEWALS: usize = 20;
 const GONE: f64 = 0.25;
 
 /// How far from the other surface triangles are sampled, over the reach: if both have moved as far as `GONE`, the others are still
@@ -29,8 +30,11 @@ pub(super) const RULE: [[f64; 3]; 3] = [
 impl ActivePair {
     /// Whether the samples are to be found anew.
     pub(super) fn is_due(&self) -> bool {
-        let may_stay = self.is_kept || self.renewals >= RENEWALS;
-        self.has_moved(if may_stay { GONE } else { STILL })
+        let (more, rubs) = (self.renewals.saturating_sub(RENEWALS), !self.friction.is_none());
+        if self.is_kept || rubs && self.renewals >= RENEWALS {
+            return self.has_moved(GONE);
+        }
+        self.has_moved((STILL * 2f64.powi(more.min(64) as i32)).min(GONE))
     }
 
     /// Whether a surface has moved as far since its samples were found, over the reach.
