@@ -32,9 +32,9 @@ pub(super) struct Analysis<T> {
     pub(super) is_large: bool,
     /// How the numeric factorisation runs.
     pub(super) parallelism: Par,
-    /// Lower triangle of the permuted matrix.
+    /// Lower triangle of the permuted matrix, and its values.
     pub(super) lower: SymbolicSparseColMat<u32>,
-    values: Vec<T>,
+    pub(super) values: Vec<T>,
     /// Where the caller's values go in `values`.
     target: Vec<u32>,
 }
@@ -103,11 +103,6 @@ impl<T: Precision> Analysis<T> {
         let place = self.values.iter().position(|v| !v.is_finite()).unwrap_or_default() as u32;
         let position = self.target.iter().position(|&t| t == place).unwrap_or_default();
         FactorError::NotFinite { position }
-    }
-
-    /// Loaded values in elimination order, lower triangle.
-    pub(super) fn values(&self) -> &[T] {
-        &self.values
     }
 
     /// The loaded matrix in elimination order, lower triangle.

@@ -1,7 +1,7 @@
 //! `A = L Lᵀ` for positive definite matrices: supernodal, front by front or, where it is large, by faer. A pivot that is
 //! not positive is an answer, not an accident: the equilibrium is unstable or a part of the body is not held.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::sparse::linalg::cholesky::supernodal::{
     factorize_supernodal_numeric_llt, factorize_supernodal_numeric_llt_scratch,
@@ -9,27 +9,19 @@ use faer::sparse::linalg::cholesky::supernodal::{
 
 use super::analysis::Analysis;
 use super::column::{Column, FEW};
-use super::fronts::Fronts;
+use super::elimination::Elimination;
 use super::substitution::{Factor, zeros};
 use super::{FactorError, Factorization, Pattern, Precision};
 
 /// Sparse Cholesky factorisation with a symbolic analysis done once; in single precision, `Cholesky<f32>`, a
 /// preconditioner.
 pub struct Cholesky<T: Precision = f64> {
-    analysis: Analysis<T>,
-    factor: Vec<T>,
-    elimination: Elimination<T>,
-    is_factorized: bool,
+    pub(super) analysis: Analysis<T>,
+    pub(super) factor: Vec<T>,
+    pub(super) elimination: Elimination<T>,
+    pub(super) is_factorized: bool,
     /// Fronts of the factor in hand that are done.
-    done: usize,
-}
-
-/// How the factor is computed.
-enum Elimination<T> {
-    /// On one thread.
-    Fronts(Fronts<T>),
-    /// By faer, on all threads, in this memory.
-    Shared(MemBuffer),
+    pub(super) done: usize,
 }
 
 impl Cholesky {
@@ -52,17 +44,14 @@ impl<T: Precision> Cholesky<T> {
     }
 
     fn with_analysis(analysis: Analysis<T>) -> Result<Self, FactorError> {
-        let elimination = if analysis.is_large {
-            let request = factorize_supernodal_numeric_llt_scratch::<u32, T>(
-                &analysis.supernodes,
-                analysis.parallelism,
+        let elimination = Elimination::new(&analysis, |analysis| {
+            let Analysis { supernodes, parallelism, .. } = analysis;
+            factorize_supernodal_numeric_llt_scratch::<u32, T>(
+                supernodes,
+                *parallelism,
                 Default::default(),
-            );
-            let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
-            Elimination::Shared(memory)
-        } else {
-            Elimination::Fronts(Fronts::new(&analysis.supernodes, &analysis.lower)?)
-        };
+            )
+        })?;
         let factor = zeros(analysis.supernodes.len_val())?;
         Ok(Self { analysis, factor, elimination, is_factorized: false, done: 0 })
     }
@@ -108,7 +97,7 @@ impl<T: Precision> Cholesky<T> {
         let Elimination::Fronts(fronts) = &mut self.elimination else {
             return self.eliminate().map(|()| true);
         };
-        let values = self.analysis.values();
+        let values = &self.analysis.values;
         match fronts.factorize_part(&mut self.done, work, values, &mut self.factor) {
             Ok(false) => Ok(false),
             whole => self.judge(whole.map(|_| ())).map(|()| true),
@@ -182,7 +171,11 @@ impl<T: Precision> Cholesky<T> {
     fn eliminate(&mut self) -> Result<(), FactorError> {
         let analysis = &self.analysis;
         let outcome = match &mut self.elimination {
-            Elimination::Fronts(fronts) => fronts.factorize(analysis.values(), &mut self.factor),
+            Elimination::Fronts(fronts) => {
+                let (values, factor) = (&analysis.values, &mut self.factor);
+                self.done = 0;
+                fronts.factorize_part(&mut self.done, f64::INFINITY, values, factor).map(|_| ())
+            }
             Elimination::Shared(memory) => factorize_supernodal_numeric_llt(
                 &mut self.factor,
                 analysis.matrix(),

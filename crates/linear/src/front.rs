@@ -1,7 +1,9 @@
 //! The dense arithmetic of one front, whose first columns are eliminated. Columns are worked on in strips of eight or
-//! four: the sums of a tile of a strip stay in registers while the columns before it pass by.
+//! four: the sums of a tile of a strip stay in registers while the columns before it pass by. Columns with a negative
+//! pivot are few: their products are subtracted with all others, and twice added.
 
 use super::Precision;
+use super::signs::Signs;
 use super::strip::{Known, Strip};
 
 /// Most columns that are eliminated one after the other, without tiles.
@@ -12,68 +14,97 @@ const fn widest(bits: usize) -> usize {
     if bits >= 512 { 8 } else { 4 }
 }
 
-/// Replaces the first columns `A` of a symmetric matrix, `height` rows each, by those of `L`, `L Lᵀ = A`, for vectors of
-/// `BITS` bits. Nothing above the diagonal is read; what is left there means nothing.
+/// Replaces the first columns `A` of a symmetric matrix, `height` rows each, by those of `L`, `L S Lᵀ = A` with the
+/// `signs` S of the pivots, for vectors of `BITS` bits. Nothing above the diagonal is read; what is left there means
+/// nothing.
 ///
 /// # Errors
-/// The first column whose pivot is not positive.
+/// The first column whose pivot is refused.
 #[inline(always)]
 pub(super) fn eliminate<const BITS: usize, T: Precision>(
     columns: &mut [T],
     height: usize,
+    signs: &mut Signs<'_, T>,
 ) -> Result<(), usize> {
     let pivots = columns.len() / height;
     for first in (0..pivots).step_by(widest(BITS)) {
         let (known, rest) = columns.split_at_mut(first * height);
         let strip = &mut rest[..widest(BITS).min(pivots - first) * height];
-        subtract::<BITS, T>(&Known { columns: known, height, row: first }, strip, height, false);
+        let known = Known { columns: known, height, row: first };
+        subtract::<BITS, T>(&known, strip, height, false);
+        add_twice(&known, signs.negative_from(0), strip, height);
         let (narrow, others) = strip.split_at_mut(strip.len().min(NARROW * height));
-        eliminate_narrow::<BITS, T>(narrow, height, first).map_err(|column| first + column)?;
-        let first = first + NARROW;
+        eliminate_narrow::<BITS, T>(narrow, height, first, signs)?;
+        let (before, first) = (first, first + NARROW);
         if !others.is_empty() {
             let known = Known { columns: narrow, height, row: first };
             subtract::<BITS, T>(&known, others, height, false);
-            eliminate_narrow::<BITS, T>(others, height, first).map_err(|column| first + column)?;
+            add_twice(&known, signs.negative_from(before), others, height);
+            eliminate_narrow::<BITS, T>(others, height, first, signs)?;
         }
     }
     Ok(())
 }
 
-/// The first of these columns have their diagonal in row `first`, and nothing left to subtract but each other.
+/// The first of these columns has its diagonal in row `first`, and nothing left to subtract but each other.
 #[inline(always)]
 fn eliminate_narrow<const BITS: usize, T: Precision>(
     strip: &mut [T],
     height: usize,
     first: usize,
+    signs: &mut Signs<'_, T>,
 ) -> Result<(), usize> {
     for column in 0..strip.len() / height {
         let diagonal = first + column;
         let (known, rest) = strip.split_at_mut(column * height);
         let own = &mut rest[diagonal..height];
-        for known in known.chunks_exact(height) {
+        for (before, known) in known.chunks_exact(height).enumerate() {
             let known = &known[diagonal..];
-            let share = -known[0];
+            let is_negative = signs.is_negative(first + before);
+            let share = if is_negative { known[0] } else { -known[0] };
             own.iter_mut().zip(known).for_each(|(x, l)| *x = l.times_plus::<BITS>(share, *x));
         }
-        if !(own[0] > T::default()) {
-            return Err(column);
-        }
-        let pivot = own[0].root();
-        let inverse = T::round(1.0) / pivot;
+        let root = signs.signed_root(diagonal, own[0]).ok_or(diagonal)?;
+        let inverse = T::round(1.0) / root;
         own.iter_mut().for_each(|x| *x *= inverse);
-        own[0] = pivot;
+        own[0] = if root < T::default() { -root } else { root };
     }
     Ok(())
 }
 
-/// The lower triangle of `-L Lᵀ` in the rows below the pivots.
+/// The lower triangle of `-L S Lᵀ` in the rows below the pivots, with the `signs` of these columns.
 #[inline(always)]
-pub(super) fn leave<const BITS: usize, T: Precision>(columns: &[T], height: usize, left: &mut [T]) {
+pub(super) fn leave<const BITS: usize, T: Precision>(
+    columns: &[T],
+    height: usize,
+    signs: &Signs<'_, T>,
+    left: &mut [T],
+) {
     let pivots = columns.len() / height;
     let below = height - pivots;
     for first in (0..below).step_by(widest(BITS)) {
         let strip = &mut left[first * below..(first + widest(BITS)).min(below) * below];
-        subtract::<BITS, T>(&Known { columns, height, row: pivots + first }, strip, below, true);
+        let known = Known { columns, height, row: pivots + first };
+        subtract::<BITS, T>(&known, strip, below, true);
+        add_twice(&known, signs.negative_from(0), strip, below);
+    }
+}
+
+/// Adds `2 L_ik L_jk` of the `negative` ones among the known columns where [`subtract`] has subtracted it once.
+#[inline(always)]
+fn add_twice<T: Precision>(
+    known: &Known<'_, T>,
+    negative: impl Iterator<Item = usize>,
+    strip: &mut [T],
+    stride: usize,
+) {
+    let Known { columns, height, row } = *known;
+    for column in negative {
+        let l = &columns[column * height + row..][..height - row];
+        for (j, own) in strip.chunks_exact_mut(stride).enumerate() {
+            let (own, share) = (&mut own[stride - (height - row - j)..], l[j] + l[j]);
+            own.iter_mut().zip(&l[j..]).for_each(|(x, l)| *x += share * *l);
+        }
     }
 }
 
@@ -160,24 +191,38 @@ fn products<const BITS: usize, const W: usize, const H: usize, T: Precision>(
 mod tests {
     use super::*;
 
-    /// Columns of a matrix `A = B B' + n I`, and what the product of its factor gives again.
-    fn reproduces<const BITS: usize, T: Precision>(pivots: usize, below: usize) -> f64 {
+    /// Columns of a matrix `A = B B' + n D`, and what the product of its factor gives again. D is 1, and -2 in one of so many
+    /// rows, if any.
+    fn reproduces<const BITS: usize, T: Precision>(
+        pivots: usize,
+        below: usize,
+        negative: Option<usize>,
+    ) -> f64 {
         let height = pivots + below;
         let b = |i: usize, k: usize| ((7 * i + 3 * k) % 11) as f64 / 11.0 - 0.4;
+        let is_negative = |i: usize| negative.is_some_and(|every| i % every == every / 2);
         let a = |i: usize, j: usize| {
             let product: f64 = (0..height).map(|k| b(i, k) * b(j, k)).sum();
-            product + if i == j { height as f64 } else { 0.0 }
+            let own = if is_negative(i) { -2.0 } else { 1.0 } * height as f64;
+            product + if i == j { own } else { 0.0 }
         };
         let entry = |place: usize| T::round(a(place % height, place / height));
         let mut l: Vec<T> = (0..pivots * height).map(entry).collect();
         let mut left = vec![T::round(f64::NAN); below * below];
-        eliminate::<BITS, T>(&mut l, height).unwrap();
-        leave::<BITS, T>(&l, height, &mut left);
+        let least = vec![T::round(1e-12); 100 + pivots];
+        let mut signs = match negative {
+            Some(_) => Signs::any(&least),
+            None => Signs::positive(),
+        };
+        signs.begin(100);
+        eliminate::<BITS, T>(&mut l, height, &mut signs).unwrap();
+        leave::<BITS, T>(&l, height, &signs, &mut left);
         let l = |i: usize, k: usize| if i < k { 0.0 } else { l[k * height + i].double() };
+        let sign = |k: usize| if signs.is_negative(k) { -1.0 } else { 1.0 };
         let mut worst = 0.0f64;
         for j in 0..height {
             for i in j..height {
-                let product: f64 = (0..pivots).map(|k| l(i, k) * l(j, k)).sum();
+                let product: f64 = (0..pivots).map(|k| l(i, k) * sign(k) * l(j, k)).sum();
                 let expected = if j < pivots {
                     a(i, j)
                 } else {
@@ -186,6 +231,8 @@ mod tests {
                 worst = worst.max((product - expected).abs());
             }
         }
+        let expected = (0..pivots).filter(|&k| is_negative(k)).map(|k| 100 + k);
+        assert_eq!(signs.negative(), expected.collect::<Vec<_>>());
         worst
     }
 
@@ -205,16 +252,29 @@ mod tests {
     fn the_factor_reproduces_the_matrix() {
         let few = (1..19).flat_map(|pivots| (0..37).map(move |below| (pivots, below)));
         for (pivots, below) in few.chain([(30, 70), (47, 5), (26, 131)]) {
-            let place = format!("{pivots} {below}");
-            assert!(reproduces::<128, f64>(pivots, below) < 1e-12, "{place}");
-            assert!(reproduces::<128, f32>(pivots, below) < 1e-3, "{place}");
-            if has(256) {
-                assert!(reproduces::<256, f64>(pivots, below) < 1e-12, "{place}");
-                assert!(reproduces::<256, f32>(pivots, below) < 1e-3, "{place}");
-            }
-            if has(512) {
-                assert!(reproduces::<512, f64>(pivots, below) < 1e-12, "{place}");
-                assert!(reproduces::<512, f32>(pivots, below) < 1e-3, "{place}");
+            for negative in [None, Some(7), Some(2)] {
+                let place = format!("{pivots} {below} {negative:?}");
+                let [double, single] = [1e-12, 1e-3].map(|least| {
+                    // Pivots of both signs grow.
+                    if negative.is_some() { 10.0 * least } else { least }
+                });
+                let of = |[f64, f32]: [f64; 2]| assert!(f64 < double && f32 < single, "{place}");
+                of([
+                    reproduces::<128, f64>(pivots, below, negative),
+                    reproduces::<128, f32>(pivots, below, negative),
+                ]);
+                if has(256) {
+                    of([
+                        reproduces::<256, f64>(pivots, below, negative),
+                        reproduces::<256, f32>(pivots, below, negative),
+                    ]);
+                }
+                if has(512) {
+                    of([
+                        reproduces::<512, f64>(pivots, below, negative),
+                        reproduces::<512, f32>(pivots, below, negative),
+                    ]);
+                }
             }
         }
     }
@@ -225,9 +285,12 @@ mod tests {
             let mut columns: Vec<f64> = (0..70).map(|k| f64::from(u8::from(k % 11 == 0))).collect();
             for value in [0.0, -1.0, f64::NAN] {
                 columns[11 * bad] = value;
-                assert_eq!(eliminate::<128, f64>(&mut columns.clone(), 10), Err(bad));
+                let mut signs = Signs::positive();
+                let refused = eliminate::<128, f64>(&mut columns.clone(), 10, &mut signs);
+                assert_eq!(refused, Err(bad));
                 if has(512) {
-                    assert_eq!(eliminate::<512, f64>(&mut columns.clone(), 10), Err(bad));
+                    let refused = eliminate::<512, f64>(&mut columns.clone(), 10, &mut signs);
+                    assert_eq!(refused, Err(bad));
                 }
             }
         }

@@ -11,6 +11,7 @@ use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use std::ops::Range;
 
 use super::front::{eliminate, leave};
+use super::signs::Signs;
 use super::substitution::zeros;
 use super::{FactorError, Precision};
 use viscera_number::simd::{WideKernel, dispatch_wide};
@@ -112,25 +113,17 @@ impl<T: Precision> Fronts<T> {
         Ok(Self { home: home(symbolic, lower), fronts, work, children, is_odd, left })
     }
 
-    /// Factorises the matrix with these values, those of its lower triangle by columns. What is above the diagonal in
-    /// the factor's blocks is left undefined.
-    ///
-    /// # Errors
-    /// The first step whose pivot is not positive.
-    pub fn factorize(&mut self, matrix: &[T], factor: &mut [T]) -> Result<(), usize> {
-        dispatch_wide(Elimination { range: 0..self.fronts.len(), fronts: self, matrix, factor })
-    }
-
     /// Multiplications of a factor, about.
     pub fn work(&self) -> f64 {
         self.work.last().copied().unwrap_or(0.0)
     }
 
-    /// [`factorize`](Self::factorize) in parts: those fronts that are next and take so many multiplications together, at
-    /// least one. The number of fronts that are done is 0 at first; returns whether these were the last.
+    /// Factorises the matrix with these values, those of its lower triangle by columns, in parts: those fronts that are
+    /// next and take so many multiplications together, at least one. The number of fronts that are done is 0 at first;
+    /// returns whether these were the last. What is above the diagonal in the factor's blocks is left undefined.
     ///
     /// # Errors
-    /// Those of [`factorize`](Self::factorize).
+    /// The first step whose pivot is not positive; the fronts before it are done.
     pub fn factorize_part(
         &mut self,
         done: &mut usize,
@@ -140,10 +133,27 @@ impl<T: Precision> Fronts<T> {
     ) -> Result<bool, usize> {
         let before = done.checked_sub(1).map_or(0.0, |last| self.work[last]);
         let enough = self.work.partition_point(|&sum| sum < before + work) + 1;
-        let range = *done..enough.clamp(*done, self.fronts.len());
-        *done = range.end;
-        dispatch_wide(Elimination { fronts: self, matrix, factor, range })?;
+        let end = enough.clamp(*done, self.fronts.len());
+        let signs = Signs::positive();
+        dispatch_wide(Elimination { fronts: self, matrix, factor, signs, done, end })?;
         Ok(*done == self.fronts.len())
+    }
+
+    /// Goes on to the end with the factor `A = L S Lᵀ` of any symmetric matrix, from the fronts that are `done`; returns the
+    /// steps with a negative pivot, ascending. Pivots that are smaller than the `least` of their step are lifted to it.
+    ///
+    /// # Errors
+    /// The first step whose pivot is not a number.
+    pub fn factorize_rest(
+        &mut self,
+        mut done: usize,
+        least: &[T],
+        matrix: &[T],
+        factor: &mut [T],
+    ) -> Result<Vec<usize>, usize> {
+        let (end, done, signs) = (self.fronts.len(), &mut done, Signs::any(least));
+        let signs = dispatch_wide(Elimination { fronts: self, matrix, factor, signs, done, end })?;
+        Ok(signs.negative())
     }
 
     #[inline(always)]
@@ -152,6 +162,7 @@ impl<T: Precision> Fronts<T> {
         s: usize,
         matrix: &[T],
         factor: &mut [T],
+        signs: &mut Signs<'_, T>,
     ) -> Result<(), usize> {
         let Front { pivots, below, square, .. } = self.fronts[s];
         let height = pivots + below;
@@ -173,9 +184,9 @@ impl<T: Precision> Fronts<T> {
             let (Front { below, runs, to_pivots, .. }, left) = left_by(child);
             take_over(left, *below, (runs, *to_pivots), columns, (height, 0));
         }
-        eliminate::<BITS, T>(columns, height)?;
+        eliminate::<BITS, T>(columns, height, signs)?;
         let own = &mut own[square..square + below * below];
-        leave::<BITS, T>(columns, height, own);
+        leave::<BITS, T>(columns, height, signs, own);
         for &child in children {
             let (child, left) = left_by(child);
             let runs = &child.runs[child.to_pivots..];
@@ -215,20 +226,25 @@ struct Elimination<'a, T> {
     fronts: &'a mut Fronts<T>,
     matrix: &'a [T],
     factor: &'a mut [T],
-    range: Range<usize>,
+    signs: Signs<'a, T>,
+    done: &'a mut usize,
+    end: usize,
 }
 
-impl<T: Precision> WideKernel for Elimination<'_, T> {
-    type Output = Result<(), usize>;
+impl<'a, T: Precision> WideKernel for Elimination<'a, T> {
+    type Output = Result<Signs<'a, T>, usize>;
 
     #[inline(always)]
     fn run<const BITS: usize>(self) -> Self::Output {
-        let Elimination { fronts, matrix, factor, range } = self;
-        for s in range {
-            let first = fronts.fronts[s].first;
-            fronts.front::<BITS>(s, matrix, factor).map_err(|pivot| first + pivot)?;
+        let Elimination { fronts, matrix, factor, mut signs, done, end } = self;
+        while *done < end {
+            let first = fronts.fronts[*done].first;
+            signs.begin(first);
+            let front = fronts.front::<BITS>(*done, matrix, factor, &mut signs);
+            front.map_err(|pivot| first + pivot)?;
+            *done += 1;
         }
-        Ok(())
+        Ok(signs)
     }
 }
 

@@ -4,19 +4,24 @@
 //! Pivots are taken in elimination order without exchange, so a factor is not always accurate: its growth is
 //! checked once per factorisation, and the residual of every solution, which a refinement repairs if need be.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::ldlt::factor::{LdltError, LdltRegularization};
 use faer::sparse::linalg::cholesky::supernodal::{
     factorize_supernodal_numeric_ldlt, factorize_supernodal_numeric_ldlt_scratch,
 };
 
 use super::analysis::Analysis;
+use super::elimination::Elimination;
 use super::substitution::{Factor, Panel, zeros};
-use super::{FactorError, Factorization, Pattern, Precision};
+use super::{Cholesky, FactorError, Factorization, Pattern, Precision};
 
 /// Where a pivot is this small beside the matrix it is lifted to that size: harmless in an empty column of the
 /// factor, where it stands for a zero eigenvalue; anywhere else the growth gives it away.
 const LIFTED: f64 = 1e-24;
+
+/// The same beside its own row, in fronts: it counts as zero then, and what rounding has left in the rows after it stays as
+/// small as it is.
+const LIFTED_OF_ROW: f64 = 0.1 * f64::LOST;
 
 /// Growth `max |L| |D| |Lᵀ| / max |A|` beyond which neither factor nor inertia can be trusted.
 const MAX_GROWTH: f64 = 1e10;
@@ -51,8 +56,9 @@ struct Outcome {
 pub struct Ldlt {
     analysis: Analysis<f64>,
     factor: Vec<f64>,
+    /// Of each step, `D`. Fronts leave the signs of the pivots there, and the roots of their sizes on the diagonal of `L`.
     pivots: Vec<f64>,
-    memory: MemBuffer,
+    elimination: Elimination<f64>,
     outcome: Option<Outcome>,
 }
 
@@ -62,16 +68,21 @@ impl Ldlt {
     /// # Errors
     /// An invalid pattern, or a factor too large to number or to hold.
     pub fn analyze(pattern: &Pattern) -> Result<Self, FactorError> {
-        let analysis = Analysis::new(pattern)?;
-        let request = factorize_supernodal_numeric_ldlt_scratch::<u32, f64>(
-            &analysis.supernodes,
-            analysis.parallelism,
-            Default::default(),
-        );
-        let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
+        Self::with_analysis(Analysis::new(pattern)?)
+    }
+
+    fn with_analysis(analysis: Analysis<f64>) -> Result<Self, FactorError> {
+        let elimination = Elimination::new(&analysis, |analysis| {
+            let Analysis { supernodes, parallelism, .. } = analysis;
+            factorize_supernodal_numeric_ldlt_scratch::<u32, f64>(
+                supernodes,
+                *parallelism,
+                Default::default(),
+            )
+        })?;
         let factor = zeros(analysis.supernodes.len_val())?;
         let pivots = zeros(analysis.n())?;
-        Ok(Self { analysis, factor, pivots, memory, outcome: None })
+        Ok(Self { analysis, factor, pivots, elimination, outcome: None })
     }
 
     /// Inertia of the matrix factorised last.
@@ -82,19 +93,74 @@ impl Ldlt {
         self.outcome.as_ref().map(|outcome| outcome.inertia).ok_or(FactorError::NotFactorized)
     }
 
+    /// Goes on where [`Cholesky::factorize`] met a pivot that is not positive, with its matrix: one of the same pattern. No
+    /// more is left of that factor.
+    ///
+    /// # Errors
+    /// Those of [`Factorization::factorize`]; another pattern.
+    pub fn go_on(&mut self, begun: &mut Cholesky) -> Result<(), FactorError> {
+        FactorError::expect_length("rows", self.n(), begun.n())?;
+        FactorError::expect_length("factor", self.factor.len(), begun.factor.len())?;
+        (self.outcome, begun.is_factorized) = (None, false);
+        std::mem::swap(&mut self.analysis.values, &mut begun.analysis.values);
+        std::mem::swap(&mut self.factor, &mut begun.factor);
+        std::mem::swap(&mut self.elimination, &mut begun.elimination);
+        self.eliminate(begun.done)
+    }
+
+    /// Factorises the loaded matrix, of which so many fronts are done.
+    fn eliminate(&mut self, done: usize) -> Result<(), FactorError> {
+        let Ldlt { analysis, factor, pivots, .. } = self;
+        let largest = analysis.values.iter().fold(0.0, |max: f64, value| max.max(value.abs()));
+        let lifted = (LIFTED * largest).max(f64::MIN_POSITIVE);
+        let broken =
+            |step: usize| FactorError::Unstable { row: analysis.row(step), growth: f64::INFINITY };
+        match &mut self.elimination {
+            Elimination::Fronts(fronts) => {
+                let least = |step| (LIFTED_OF_ROW * analysis.diagonal(step).abs()).max(lifted);
+                let least: Vec<f64> = (0..analysis.n()).map(least).collect();
+                let signed = fronts.factorize_rest(done, &least, &analysis.values, factor);
+                pivots.fill(1.0);
+                signed.map_err(broken)?.into_iter().for_each(|step| pivots[step] = -1.0);
+            }
+            Elimination::Shared(memory) => {
+                factorize_supernodal_numeric_ldlt(
+                    factor,
+                    analysis.matrix(),
+                    LdltRegularization {
+                        dynamic_regularization_signs: None,
+                        dynamic_regularization_delta: lifted,
+                        dynamic_regularization_epsilon: lifted,
+                    },
+                    &analysis.supernodes,
+                    analysis.parallelism,
+                    MemStack::new(memory),
+                    Default::default(),
+                )
+                .map_err(|LdltError::ZeroPivot { index }| broken(index))?;
+                analysis.pivots().for_each(|(step, position)| pivots[step] = factor[position]);
+            }
+        }
+        self.outcome = Some(self.judge(largest.max(f64::MIN_POSITIVE))?);
+        Ok(())
+    }
+
     fn factor(&self) -> Factor<'_, f64> {
         Factor {
             symbolic: &self.analysis.supernodes,
             values: &self.factor,
-            has_unit_diagonal: true,
+            has_unit_diagonal: matches!(self.elimination, Elimination::Shared(_)),
         }
     }
 
     /// Judges the factor: signs, vanished pivots, growth.
-    fn outcome(&self, largest: f64) -> Result<Outcome, FactorError> {
+    fn judge(&self, largest: f64) -> Result<Outcome, FactorError> {
         let (mut inertia, mut null_row) = (Inertia::default(), None);
-        let subtracted = self.factor().weighted_row_squares(&self.pivots);
-        for (step, (&pivot, &subtracted)) in self.pivots.iter().zip(&subtracted).enumerate() {
+        let factor = self.factor();
+        let subtracted = factor.weighted_row_squares(&self.pivots);
+        for (step, position) in self.analysis.pivots() {
+            let root = if factor.has_unit_diagonal { 1.0 } else { self.factor[position] };
+            let (pivot, subtracted) = (self.pivots[step] * root * root, subtracted[step]);
             let row = self.analysis.row(step);
             let growth = (pivot.abs() + subtracted) / largest;
             if growth.is_nan() || growth > MAX_GROWTH {
@@ -157,31 +223,7 @@ impl Factorization for Ldlt {
     fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
         self.outcome = None;
         self.analysis.load(values)?;
-        let analysis = &self.analysis;
-        let largest = values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-        let lifted = (LIFTED * largest).max(f64::MIN_POSITIVE);
-        factorize_supernodal_numeric_ldlt(
-            &mut self.factor,
-            analysis.matrix(),
-            LdltRegularization {
-                dynamic_regularization_signs: None,
-                dynamic_regularization_delta: lifted,
-                dynamic_regularization_epsilon: lifted,
-            },
-            &analysis.supernodes,
-            analysis.parallelism,
-            MemStack::new(&mut self.memory),
-            Default::default(),
-        )
-        .map_err(|LdltError::ZeroPivot { index }| FactorError::Unstable {
-            row: analysis.row(index),
-            growth: f64::INFINITY,
-        })?;
-        for (step, position) in analysis.pivots() {
-            self.pivots[step] = self.factor[position];
-        }
-        self.outcome = Some(self.outcome(largest.max(f64::MIN_POSITIVE))?);
-        Ok(())
+        self.eliminate(0)
     }
 
     fn solve(&self, rhs: &mut [f64], columns: usize) -> Result<(), FactorError> {
@@ -243,6 +285,54 @@ mod tests {
             let b = load(180, 0);
             assert!(matrix.relative_residual(&solved(&ldlt, &b), &b) < 1e-11, "shift {shift}");
         }
+    }
+
+    #[test]
+    fn goes_on_where_a_cholesky_factor_ends() {
+        for (block, shift) in [((5, 4, 3), -0.31), ((5, 4, 3), -40.0), ((12, 11, 9), -0.05)] {
+            let matrix = elastic_block(block.0, block.1, block.2).shifted(shift);
+            let mut cholesky = Cholesky::analyze(&matrix.pattern).unwrap();
+            let ended = cholesky.factorize(&matrix.values);
+            assert!(matches!(ended, Err(FactorError::NotPositiveDefinite { .. })), "{ended:?}");
+            let mut ldlt = Ldlt::analyze(&matrix.pattern).unwrap();
+            ldlt.go_on(&mut cholesky).unwrap();
+            let whole = factorized(&matrix);
+            assert_eq!(ldlt.inertia(), whole.inertia());
+            let b = load(matrix.pattern.n, 0);
+            assert_eq!(solved(&ldlt, &b), solved(&whole, &b));
+            assert_eq!(cholesky.solve(&mut b.clone(), 1), Err(FactorError::NotFactorized));
+            // What it was given in exchange serves as well.
+            let definite = elastic_block(block.0, block.1, block.2);
+            cholesky.factorize(&definite.values).unwrap();
+            let mut x = b.clone();
+            cholesky.solve(&mut x, 1).unwrap();
+            assert!(definite.relative_residual(&x, &b) < 1e-11);
+        }
+    }
+
+    #[test]
+    fn fronts_and_faer_give_the_same() {
+        for shift in [0.0, -0.31, -1.3, -4.7, -40.0] {
+            let matrix = elastic_block(7, 6, 5).shifted(shift);
+            let mut analysis = Analysis::new(&matrix.pattern).unwrap();
+            analysis.is_large = true;
+            let mut shared = Ldlt::with_analysis(analysis).unwrap();
+            shared.factorize(&matrix.values).unwrap();
+            let fronts = factorized(&matrix);
+            assert_eq!(shared.inertia(), fronts.inertia(), "shift {shift}");
+            let b = load(matrix.pattern.n, 0);
+            let difference = relative_difference(&solved(&shared, &b), &solved(&fronts, &b));
+            assert!(difference < 1e-9, "shift {shift}: {difference}");
+        }
+    }
+
+    #[test]
+    fn goes_on_with_a_pattern_of_its_own_alone() {
+        let (one, other) = (elastic_block(3, 3, 3), elastic_block(4, 3, 3));
+        let mut ldlt = Ldlt::analyze(&one.pattern).unwrap();
+        let mut cholesky = Cholesky::analyze(&other.pattern).unwrap();
+        let refused = ldlt.go_on(&mut cholesky);
+        assert!(matches!(refused, Err(FactorError::Length { .. })), "{refused:?}");
     }
 
     #[test]

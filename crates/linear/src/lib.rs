@@ -10,6 +10,7 @@ mod block_matrix;
 mod cholesky;
 mod column;
 pub mod conjugate_gradients;
+mod elimination;
 mod entry;
 mod error;
 mod front;
@@ -23,6 +24,7 @@ mod ordering;
 mod pattern;
 mod precision;
 mod shift;
+mod signs;
 mod strip;
 mod substitution;
 #[cfg(test)]

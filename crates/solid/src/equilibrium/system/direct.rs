@@ -62,7 +62,7 @@ impl Direct {
         }
     }
 
-    /// The same by `L D Lᵀ`; returns `verdict` if the border does not compensate the negative eigenvalues.
+    /// The same by `L D Lᵀ`, which goes on where Cholesky's method ended; returns `verdict` if the border does not compensate the negative eigenvalues.
     fn prepare_indefinite(
         &mut self,
         tangent: &SymmetricBlocks,
@@ -76,8 +76,12 @@ impl Direct {
         }
         let Some(indefinite) = &mut self.indefinite else { return Err(verdict) };
         for nudge in NUDGES {
-            let nudged = shift + nudge * tangent.mean_diagonal();
-            let modes = indefinite.factorize(tangent.values(), nudged, is_held);
+            let modes = if nudge == 0.0 {
+                indefinite.go_on(&mut self.cholesky)
+            } else {
+                let nudged = shift + nudge * tangent.mean_diagonal();
+                indefinite.factorize(tangent.values(), nudged, is_held)
+            };
             let renewed = modes.and_then(|negative| {
                 border.influence(|b, x| indefinite.solve(free, b, x)).map(|()| negative)
             });

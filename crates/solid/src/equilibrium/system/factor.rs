@@ -6,7 +6,7 @@ use crate::linear::{Cholesky, Column, FEW, FactorError, Factorization, Pattern, 
 
 /// A factor with the way from the values of the tangent to its own order.
 pub(super) struct TangentFactor<T: Precision> {
-    cholesky: Cholesky<T>,
+    pub(super) cholesky: Cholesky<T>,
     column: Column<T>,
     /// Made when first needed.
     few: Option<Column<T, [T; FEW]>>,

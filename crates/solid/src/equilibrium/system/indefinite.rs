@@ -1,6 +1,6 @@
 //! `L D Lᵀ` of the tangent on the degrees of freedom that are not fixed, whatever the signs of its eigenvalues.
 
-use super::factor::{ends, held_diagonal};
+use super::factor::{TangentFactor, ends, held_diagonal};
 use crate::body::BlockPattern;
 use crate::linear::{FactorError, Factorization, Ldlt};
 
@@ -43,7 +43,17 @@ impl Indefinite {
             }
         }
         self.ldlt.factorize(&self.values)?;
-        // Where there is a zero one, a solve says which row it is.
+        self.negative()
+    }
+
+    /// Goes on where a Cholesky factor of the same tangent ended; the number of negative eigenvalues.
+    pub fn go_on(&mut self, begun: &mut TangentFactor<f64>) -> Result<usize, FactorError> {
+        self.ldlt.go_on(&mut begun.cholesky)?;
+        self.negative()
+    }
+
+    /// Where there is a zero eigenvalue, a solve says which row it is of.
+    fn negative(&self) -> Result<usize, FactorError> {
         Ok(self.ldlt.inertia()?.negative)
     }
 

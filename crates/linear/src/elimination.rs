@@ -1,0 +1,31 @@
+//! How the values of a factor are computed: front by front on one thread, or by faer on all of them.
+
+use faer::dyn_stack::{MemBuffer, StackReq};
+
+use super::analysis::Analysis;
+use super::fronts::Fronts;
+use super::{FactorError, Precision};
+
+pub(super) enum Elimination<T> {
+    /// On one thread.
+    Fronts(Fronts<T>),
+    /// By faer, on all threads, in this memory.
+    Shared(MemBuffer),
+}
+
+impl<T: Precision> Elimination<T> {
+    /// As befits the size of the factor; faer asks for so much memory.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn new(
+        analysis: &Analysis<T>,
+        request: impl FnOnce(&Analysis<T>) -> StackReq,
+    ) -> Result<Self, FactorError> {
+        if !analysis.is_large {
+            return Ok(Elimination::Fronts(Fronts::new(&analysis.supernodes, &analysis.lower)?));
+        }
+        let memory = MemBuffer::try_new(request(analysis)).map_err(|_| FactorError::OutOfMemory)?;
+        Ok(Elimination::Shared(memory))
+    }
+}
