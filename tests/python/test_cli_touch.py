@@ -116,6 +116,13 @@ def test_a_case_has_no_value(folder: Path, capsys: pytest.CaptureFixture[str]) -
     assert "case.toml is a case file, and --value is that of a model's parameter" in capsys.readouterr().err
 
 
+def test_an_export_has_no_port(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["view", str(folder / "bar.viscera"), "--export", str(folder / "one.html"), "--port", "45671"]
+    assert main(words) == 2
+    assert "--port is that of the server on this machine, and --export needs none" in capsys.readouterr().err
+    assert not (folder / "one.html").exists()
+
+
 @pytest.mark.parametrize("words", [("--no-browser",), ("--export", "site")])
 def test_loads_that_a_page_leaves_out_are_told(
     folder: Path,

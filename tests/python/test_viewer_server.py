@@ -14,6 +14,7 @@ import urllib.parse
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -21,7 +22,7 @@ from hypothesis import strategies as st
 from websockets.sync.server import ServerConnection
 
 import viscera as vs
-from viscera.viewer import Server, page
+from viscera.viewer import Server, export, page, serve
 from viscera.viewer.server import FAREWELL, MOST_CONNECTIONS
 
 FILES = {"index.html": b"<p>an organ</p>", "viewer.js": b"let organ", "organ.viscera": b"\0\1\2"}
@@ -244,6 +245,32 @@ def test_a_port_that_is_taken_is_a_sentence(server: Server) -> None:
         Server(FILES, port=server.port)
     with pytest.raises(vs.VisceraError, match="port 99999"):
         Server(FILES, port=99999)
+
+
+@pytest.mark.parametrize("port", ["8000", 80.5, True, None])
+def test_a_port_that_is_no_number_is_a_sentence(port: Any) -> None:
+    with pytest.raises(vs.VisceraError, match="port must be a whole number from 0 to 65535, got"):
+        Server(FILES, port=port)
+
+
+def test_what_was_never_run_closes_at_once() -> None:
+    idle = Server(FILES)
+    closing = threading.Thread(target=idle.close, daemon=True)
+    closing.start()
+    closing.join(timeout=10)
+    assert not closing.is_alive()  # it waited for the end of what had never begun
+    idle.close()
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", idle.port), timeout=2)
+
+
+def test_only_a_model_has_the_page_of_a_model(bar: vs.Mesh, built: None, tmp_path: Path) -> None:
+    organ: Any = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    sentence = r"must be a reduced model, such as organ.reduce\(...\), got Organ"
+    with pytest.raises(vs.VisceraError, match=sentence):
+        serve(organ)
+    with pytest.raises(vs.VisceraError, match=sentence):
+        export(organ, tmp_path / "site")
 
 
 def test_closing_ends_every_thread() -> None:

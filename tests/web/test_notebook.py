@@ -272,6 +272,13 @@ def test_the_widget_shows_in_a_browser(browser: Any, touch: vs.Touch, server: Se
         context.close()
 
 
+@pytest.mark.parametrize("height", ["tall", -5, 0, 3.5])
+def test_a_height_that_is_none_is_a_sentence(touch: vs.Touch, server: Server, height: Any) -> None:
+    pytest.importorskip("anywidget")
+    with pytest.raises(vs.VisceraError, match="height must be a whole number from 1 to 10000, got"):
+        touch.view(height=height)
+
+
 def test_without_anywidget_it_is_a_sentence(touch: vs.Touch, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "anywidget", None)
     with pytest.raises(vs.VisceraError, match="pip install 'viscera\\[notebook\\]'"):

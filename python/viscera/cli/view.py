@@ -29,9 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera view`."""
     parser.add_argument("model", metavar="organ.viscera|CASE.toml")
     add_value(parser)
-    parser.add_argument(
-        "--port", type=int, default=0, help="port of the page's server on 127.0.0.1 (default: any free one)"
-    )
+    parser.add_argument("--port", type=int, help="port of the page's server on 127.0.0.1 (default: any free one)")
     parser.add_argument("--no-browser", action="store_true", help="print the address without opening a browser")
     parser.add_argument(
         "--export",
@@ -42,6 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Serve until Ctrl-C, or export."""
+    if args.export is not None and args.port is not None:
+        raise VisceraError("--port is that of the server on this machine, and --export needs none; leave one out")
     written = [("--export", path) for path in _exported(args.export)]
     output.spare([args.model], *written)
     require(args.model, MODEL, CASE)
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     else:
         shown = model_at(args.model, args.value)
     if args.export is None:
-        show(shown, name, output, args.port, opens_browser=not args.no_browser)
+        show(shown, name, output, args.port or 0, opens_browser=not args.no_browser)
         return Outcome("closed")
     if isinstance(shown, Touch):
         return export_page(shown, name, args.export, output)

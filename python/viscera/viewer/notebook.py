@@ -10,6 +10,7 @@ import numpy as np
 
 from viscera.display import WIDTH
 from viscera.errors import VisceraError
+from viscera.quantity import Whole
 from viscera.select import Lengths
 from viscera.touch import Touch
 from viscera.viewer import page
@@ -17,6 +18,8 @@ from viscera.viewer.surface import surface_model
 
 Told = dict[str, Any]
 """A touch as the widget's traits hold it; each is None without a touch."""
+HEIGHT = Whole(1, 10_000)
+"""Pixels."""
 
 
 class Played(Protocol):
@@ -74,13 +77,14 @@ def told(point: Any, displacement: Any, force: Any, is_trusted: bool) -> Told:
 
 
 def widget(played: Played, height: int = 560) -> Any:
-    """A widget that shows what is played; raises `VisceraError` if anywidget is not installed.
+    """A widget that shows what is played, so many pixels high; raises `VisceraError` if anywidget is not installed.
 
     Its `touch(point, displacement)` touches [m] as a hand does, `release()` lets go. `point`, `displacement`, `force`
     and `is_trusted` are those of the present touch, made from Python or on the page, and None without a touch;
     `observe(handler, "force")` calls the handler at every change.
     """
-    return _widget_class()(played, height)
+    pixels = HEIGHT(height, "height")
+    return _widget_class()(played, pixels)
 
 
 def _widget_class() -> type:

@@ -26,6 +26,7 @@ from websockets.sync.server import serve as listen
 
 from viscera.case import Case
 from viscera.errors import VisceraError
+from viscera.quantity import Whole, refused
 from viscera.scene_case import SceneCase
 from viscera.touch import Touch
 from viscera.viewer import page
@@ -75,6 +76,7 @@ class Server:
         """
         self._files = dict(files)
         self._is_live = live is not None
+        self._has_begun = False
         self._token = secrets.token_urlsafe(18)
         self._door = _door(port)
         self._server = listen(
@@ -95,6 +97,7 @@ class Server:
 
     def run(self) -> None:
         """Serve until `close` or Ctrl-C."""
+        self._has_begun = True
         try:
             self._server.serve_forever()
         finally:
@@ -103,10 +106,16 @@ class Server:
     def close(self) -> None:
         """Stop listening; connections that are open are closed."""
         self._door.turn_out(only_silent=True)
+        if not self._has_begun:
+            # The library waits for the end of what serves; behind a closed door that ends as soon as it begins.
+            self._has_begun = True
+            self._door.close()
+            self._server.serve_forever()
         self._server.shutdown()
         self._door.turn_out()
 
     def __enter__(self) -> Server:
+        self._has_begun = True
         Thread(target=self._server.serve_forever, daemon=True).start()
         return self
 
@@ -183,6 +192,8 @@ class _Door(socket.socket):
 
 def _door(port: int) -> _Door:
     """A listening socket at a port of this machine, 0 for any that is free."""
+    if isinstance(port, bool) or not isinstance(port, int):
+        raise refused("port", Whole(0, 65535), port)
     try:
         listening = socket.create_server((HOST, port), backlog=MOST_CONNECTIONS)
     except (OSError, OverflowError) as error:

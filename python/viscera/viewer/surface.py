@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from viscera.parts import inner_parts
+from viscera.quantity import refused
 from viscera.touch import Touch
 from viscera.vary import UNITS
 
@@ -16,8 +17,11 @@ def surface_alone(touch: Touch) -> Touch:
     """The model whose only nodes are those of the surface and of the parts within; it has no cells to be solved.
 
     Of a model for a range of a parameter, that of the value it is set to. What is within is listed in its notes, as
-    triangles between the rows of `surface_nodes`. A model that has no cells is returned as it is.
+    triangles between the rows of `surface_nodes`. A model that has no cells is returned as it is. Raises `VisceraError`
+    for what is no reduced model.
     """
+    if not isinstance(touch, Touch):
+        raise refused("what this page shows", "a reduced model, such as organ.reduce(...)", touch)
     if not len(touch._model.array("cells")):
         return touch
     parts = inner_parts(touch.mesh)
