@@ -58,7 +58,7 @@ def read(data: bytes) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
             cell_sets[group.attrib["name"]] = np.array(cells)
 
     sets: dict[str, NDArray[Any]] = {}
-    for group in [*mesh.iter("NodeSet"), *mesh.iter("Surface")]:
+    for group in [*mesh.iter("Surface"), *mesh.iter("NodeSet")]:  # of one name, the nodes given outright
         members = [i for element in (group, *group) for i in _nodes(element, number)]
         if members and group.get("name"):
             sets[group.attrib["name"]] = np.unique(members)

@@ -1,8 +1,9 @@
-"""Reading and writing mesh files: by meshio, FEBio files by `febio`, the first version of Gmsh files by `gmsh1`. The
-meshes are not checked here; `mesh` does that.
+"""Reading and writing mesh files: by meshio, FEBio files by `febio`; `gmsh1` reads the first version of Gmsh files, and
+`abaqus` those of Abaqus. The meshes are not checked here; `mesh` does that.
 
 Node sets are found where each format keeps them; sets without a name in the file are called after where they were
 found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
+The nodes of a set of cells are a node set too, unless one of nodes or faces has that name.
 """
 
 from __future__ import annotations
@@ -10,16 +11,18 @@ from __future__ import annotations
 import importlib
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote, unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from viscera import febio
+from viscera import febio, gmsh_names
 from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError, did_you_mean, refuse_case_file
 from viscera.quantity import Number, path_of
@@ -42,6 +45,10 @@ EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 """Local ends of the edges whose midpoints are nodes 4 to 9 of a ten-node tetrahedron."""
 STRAIGHT = 1e-3
 """How far a midpoint may be off the middle of its edge, in edge lengths: the rounding of single precision."""
+UNSAID = {".inp": ',="', ".msh": '"\\'}
+"""Letters that end a name in these formats."""
+VTK_SAFE = "".join(letter for letter in map(chr, range(33, 127)) if letter not in '"%')
+"""Letters that stand for themselves in a legacy VTK file; VTK writes the others as in a URL, and reads them so."""
 # An integer array with more values than this numbers things; it does not name sets.
 MAX_SETS_PER_ARRAY = 64
 
@@ -78,10 +85,25 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         raise VisceraError(f"{path}: not a readable {ending} file, or cut short ({reason})") from error
 
 
-def checked(path: str | os.PathLike[str]) -> Path:
-    """The path. It is an error if its format or its folder cannot take a mesh; call this before long work."""
-    _known_ending(path_of(path, "the file to write"))
+def checked(path: str | os.PathLike[str], names: Iterable[str] = ()) -> Path:
+    """The path. It is an error if its format or its folder cannot take a mesh whose sets have these names; call this
+    before long work."""
+    _refuse_names(_known_ending(path_of(path, "the file to write")), names)
     return writable(path)
+
+
+def _refuse_names(ending: str, names: Iterable[str]) -> None:
+    """Raises `VisceraError` for a name that would not be read again as it is."""
+    for name in names:
+        unsaid = next((letter for letter in name if letter in UNSAID.get(ending, "") or ord(letter) < 32), None)
+        if unsaid is not None and ending != ".mesh":
+            raise VisceraError(
+                f"the name {name!r} of a set holds {unsaid!r}, which {ending} cannot say; rename the set"
+            )
+        if ending == ".inp" and name != name.strip():
+            raise VisceraError(
+                f"the name {name!r} of a set begins or ends in a space, which .inp loses; rename the set"
+            )
 
 
 def write(
@@ -94,6 +116,7 @@ def write(
 ) -> None:
     """Writes points, cells and the sets of both in the format of the file's ending; world axes in `.vtu`."""
     ending = _known_ending(path)
+    _refuse_names(ending, [*sets, *cell_sets])
     if ending == ".feb":
         with replacing(path) as scratch:
             scratch.write_bytes(febio.write(points, cells, sets, cell_sets))
@@ -102,8 +125,10 @@ def write(
 
     blocks: list[tuple[str, NDArray[Any]]] = [("tetra", cells.astype(np.int64))]
     extra: dict[str, Any] = {}
+    names: dict[tuple[int, int], str] = {}
     if ending in (".vtu", ".vtk"):
-        written = escape if ending == ".vtu" else str  # a name such as "x < 10%" goes into XML as it is
+        # A name such as "x < 10%" would go into XML as it is, and meshio refuses its spaces in legacy files.
+        written = escape if ending == ".vtu" else partial(quote, safe=VTK_SAFE)
         extra["point_data"] = {written(SET_PREFIX + name): _mask(each, len(points)) for name, each in sets.items()}
         extra["cell_data"] = {written(SET_PREFIX + name): [_mask(each, len(cells))] for name, each in cell_sets.items()}
     elif ending == ".inp":
@@ -118,8 +143,8 @@ def write(
                 raise VisceraError(f"{path}: cells are in {name!r} and in another set, which .msh cannot say; use .vtu")
             groups[0][chosen] = tag
         extra["cell_data"] = {"gmsh:physical": groups, "gmsh:geometrical": groups}
-        extra["field_data"] = {name: np.array([tag, 0]) for tag, name in enumerate(sets, start=1)}
-        extra["field_data"] |= {name: np.array([tag, 3]) for tag, name in enumerate(cell_sets, start=first)}
+        names = {(0, tag): name for tag, name in enumerate(sets, start=1)}
+        names |= {(3, tag): name for tag, name in enumerate(cell_sets, start=first)}
     options: dict[str, Any] = {
         ".msh": {"fmt_version": "2.2", "binary": False},
         ".vtk": {"fmt_version": "4.2"},
@@ -127,6 +152,8 @@ def write(
     module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
     with replacing(path) as scratch:
         module.write(str(scratch), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
+        if names:
+            gmsh_names.add(scratch, names)
         if axes and ending == ".vtu":
             state_axes(scratch, axes)
 
@@ -179,19 +206,25 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
     # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
     with path.open("rb") as file:
         head = file.read(1000).lstrip() if ending == ".msh" else b""
-    is_first_gmsh = head.startswith(b"$NOD")
-    reader = importlib.import_module("viscera.gmsh1" if is_first_gmsh else f"meshio.{MESHIO_MODULES[ending]}")
+    own = "gmsh1" if head.startswith(b"$NOD") else "abaqus" if ending == ".inp" else ""
+    reader = importlib.import_module(f"viscera.{own}" if own else f"meshio.{MESHIO_MODULES[ending]}")
     if binary := re.search(rb"^\$MeshFormat\s+4(?!\.0)[\d.]*\s+1\s+([48])\s", head, re.MULTILINE):
         _refuse_false_tags(path.read_bytes(), int(binary[1]))
-    found = reader.read(path)
+    names = gmsh_names.read(path) if ending == ".msh" else {}
+    with gmsh_names.told_apart(path, names) as source:
+        found = reader.read(source)
+    if ending == ".vtk":
+        found.point_data, found.cell_data = (
+            {unquote(name): values for name, values in data.items()} for data in (found.point_data, found.cell_data)
+        )
     declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None
     if declared and int(declared[1]) != sum(len(block) for block in found.cells):  # meshio takes what it finds
         raise VisceraError(f"cut short: it declares {int(declared[1])} cells and holds fewer")
     kinds = dict.fromkeys(block.type for block in found.cells)
     blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
-    sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
-    sets |= _sets_of_point_arrays(found) | _sets_of_cell_groups(found)
-    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found)
+    sets = _sets_of_cell_groups(found, names) | _sets_of_point_arrays(found)
+    sets |= {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
+    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found, names)
 
 
 def _refuse_false_tags(data: bytes, size: int) -> None:
@@ -288,10 +321,10 @@ def _informative(sets: Arrays, count: int) -> Arrays:
     return {name: members for name, members in sets.items() if ":" not in name or len(members) < count}
 
 
-def _cell_sets(found: meshio.Mesh) -> Arrays:
+def _cell_sets(found: meshio.Mesh, groups: gmsh_names.Names) -> Arrays:
     """Sets of tetrahedra: integer cell arrays, Gmsh's physical groups, Medit's references, named groups of cells."""
     solid = [k for k, block in enumerate(found.cells) if block.type in ("tetra", "tetra10")]
-    names = {int(tag): name for name, (tag, dim) in found.field_data.items() if int(dim) == 3}
+    names = {tag: name for (dim, tag), name in groups.items() if dim == 3}
     sets: Arrays = {}
     for key, arrays in found.cell_data.items():
         values = np.concatenate([np.asarray(arrays[k]) for k in solid]) if solid else np.empty(0)
@@ -302,30 +335,44 @@ def _cell_sets(found: meshio.Mesh) -> Arrays:
         elif key != "gmsh:geometrical":
             sets |= _sets_of_array(key, values)
     starts = np.cumsum([0, *(len(found.cells[k]) for k in solid)])
-    for name, per_block in found.cell_sets.items():
+    for name, per_block in _named_groups(found, groups):
         chosen = [(start, per_block[k]) for start, k in zip(starts, solid, strict=False)]
         members = [start + np.asarray(c, dtype=np.int64) for start, c in chosen if c is not None and len(c)]
-        if ":" not in name and members:
+        if members:
             sets[name] = np.concatenate(members)
     return _informative(sets, int(starts[-1]))
 
 
-def _sets_of_cell_groups(found: meshio.Mesh) -> Arrays:
-    """Nodes of named and numbered groups of cells of any dimension: Gmsh's physical groups, Medit's references."""
-    names = {(int(dim), int(tag)): name for name, (tag, dim) in found.field_data.items()}
-    members: dict[str, list[NDArray[Any]]] = {}
+def _named_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Iterator[tuple[str, list[Any]]]:
+    """The groups of cells that Gmsh 4 and Abaqus name outright, with their members in each block."""
+    spelt = gmsh_names.keys(names)
+    for key, per_block in found.cell_sets.items():
+        if not key.startswith("gmsh:"):
+            yield spelt.get(key, key), per_block
+
+
+def _sets_of_cell_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Arrays:
+    """Nodes of named and numbered groups of cells of any dimension: Gmsh's physical groups, Medit's references.
+
+    Of a name that groups of solid cells share with groups of faces, edges or vertices, the nodes of the latter.
+    """
+    solid: dict[str, list[NDArray[Any]]] = {}
+    flat: dict[str, list[NDArray[Any]]] = {}
     for key, word in (("gmsh:physical", "physical"), ("medit:ref", "ref")):
         for block, groups in zip(found.cells, found.cell_data.get(key, []), strict=False):
             for tag in np.unique(groups[groups != 0]).tolist():
                 name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
+                members = solid if block.dim == 3 else flat
                 members.setdefault(name, []).append(block.data[groups == tag].ravel())
-    # Gmsh 4 and Abaqus name groups of cells outright; an entity of Gmsh may be in several.
-    for name, per_block in found.cell_sets.items():
-        if ":" not in name:
-            for block, chosen in zip(found.cells, per_block, strict=False):
-                if chosen is not None and len(chosen):
-                    members.setdefault(name, []).append(block.data[np.asarray(chosen, dtype=np.int64)].ravel())
-    sets = {name: np.unique(np.concatenate(nodes)) for name, nodes in members.items()}
+    for name, per_block in _named_groups(found, names):  # an entity of Gmsh may be in several
+        blocks = [
+            (b, np.asarray(c, dtype=np.int64)) for b, c in zip(found.cells, per_block, strict=False) if c is not None
+        ]
+        held = [(block, chosen) for block, chosen in blocks if len(chosen)]
+        members = solid if all(block.dim == 3 for block, _ in held) else flat
+        if held:
+            members.setdefault(name, []).extend(block.data[chosen].ravel() for block, chosen in held)
+    sets = {name: np.unique(np.concatenate(nodes)) for name, nodes in {**solid, **flat}.items()}
     return _informative(sets, len(found.points))
 
 

@@ -77,7 +77,9 @@ def _from_labels(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[s
     shape = " x ".join(map(str, size))
     output.say(f"{args.source}: {shape} voxels of {' x '.join(sides)} mm, axes {image.axes}")
     labels = parsed(args.label) if args.label else None
-    edges = parsed_edges(args.edge, [region.name for region in image.regions(labels)])
+    names = [region.name for region in image.regions(labels)]
+    checked(args.output, names)
+    edges = parsed_edges(args.edge, names)
     with bar(output.is_quiet) as progress:
         found = image.mesh(labels, edge=edges, fixed=args.fixed, progress=progress)
     return found, _voxel_volumes(image, labels)
@@ -90,6 +92,7 @@ def _from_surface(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[
     if len(args.label) > 1 or any(not _is_name(label) for label in args.label):
         raise VisceraError("a surface has no labels; --label NAME names its only part")
     name = args.label[0] if args.label else "organ"
+    checked(args.output, [name])
     edge = parsed_edges(args.edge, [name])[name]
     with bar(output.is_quiet) as progress:
         found = mesh_surface(args.source, edge=edge, units=args.units, name=name, progress=progress)

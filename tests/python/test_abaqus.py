@@ -1,0 +1,110 @@
+"""Input files of Abaqus as it and other programs write them: several blocks, sets of sets, parts, other files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import viscera as vs
+from viscera.errors import VisceraError
+
+NODES = "1, 0,0,0\n2, 1,0,0\n3, 0,1,0\n4, 0,0,1\n"
+MORE = "5, 1,1,1\n"
+CELLS = "*ELEMENT, TYPE=C3D4\n1, 1,2,3,4\n"
+BOTH = f"*NODE\n{NODES}{MORE}{CELLS}*Element, type=c3d4, elset=far\n7, 2,3,4,5\n"
+
+
+def read(folder: Path, text: str) -> vs.Mesh:
+    (folder / "a.inp").write_text(text)
+    return vs.read(folder / "a.inp")
+
+
+def sets(found: vs.Mesh) -> dict[str, list[int]]:
+    return {name: nodes.tolist() for name, nodes in found.sets.items()}
+
+
+def test_several_blocks_of_nodes(tmp_path: Path) -> None:
+    found = read(tmp_path, "*NODE, NSET=LOW\n1, 0,0,0\n2, 1,0,0\n3, 0,1,0\n*NODE\n4, 0,0,1\n" + CELLS)
+    assert found.points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert sets(found) == {"LOW": [0, 1, 2]}
+
+
+@pytest.mark.parametrize("kind", ["C3D4H", "c3d4", "C3D4T", "DC3D4"])
+def test_tetrahedra_of_every_formulation(tmp_path: Path, kind: str) -> None:
+    assert read(tmp_path, f"*NODE\n{NODES}" + CELLS.replace("C3D4", kind)).cells.tolist() == [[0, 1, 2, 3]]
+
+
+def test_ten_node_tetrahedra_go_on_in_the_next_line(tmp_path: Path) -> None:
+    middles = "5,.5,0,0\n6,.5,.5,0\n7,0,.5,0\n8,0,0,.5\n9,.5,0,.5\n10,0,.5,.5\n"
+    cell = "*ELEMENT, TYPE=C3D10HS\n1, 1,2,3,4,5,6,7,8,9\n10\n"
+    assert len(read(tmp_path, f"*NODE\n{NODES}{middles}{cell}").points) == 4
+
+
+def test_sets_that_name_sets(tmp_path: Path) -> None:
+    text = """*NSET, NSET=base, GENERATE
+1, 3, 2
+*NSET, NSET="two words"
+BASE, 4
+*NSET, NSET=more, INSTANCE=liver-1
+liver-1.base,
+2
+*NSET, NSET=more
+5,
+*ELSET, ELSET=all
+far, 1
+*NSET, NSET=by cells, ELSET=far
+"""
+    found = read(tmp_path, BOTH + text)
+    assert sets(found) == {
+        "all": [0, 1, 2, 3, 4],
+        "far": [1, 2, 3, 4],
+        "base": [0, 2],
+        "two words": [0, 2, 3],
+        "more": [0, 1, 2, 4],
+        "by cells": [1, 2, 3, 4],
+    }
+    assert {name: cells.tolist() for name, cells in found.cell_sets.items()} == {"far": [1], "all": [0, 1]}
+
+
+def test_lines_from_other_files_and_long_keywords(tmp_path: Path) -> None:
+    (tmp_path / "nodes.txt").write_text(NODES)
+    (tmp_path / "cells.inp").write_text(CELLS)
+    text = "*NODE,\n  NSET=every,\n  INPUT=nodes.txt\n** comment\n*INCLUDE, INPUT=cells.inp\n"
+    assert sets(read(tmp_path, text)) == {"every": [0, 1, 2, 3]}
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("*SYSTEM\n0,0,10\n" + BOTH, "*SYSTEM moves the nodes of the file, which is not read; write their coordinates"),
+        (BOTH + "*Instance, name=A-1, part=A\n 10., 0., 0.\n", "*INSTANCE moves the nodes of the file"),
+        (
+            BOTH + "*Instance, name=A-1, part=A\n 0, 0, 0\n 0,0,0, 0,0,1, 90\n",
+            "*INSTANCE moves the nodes of the file",
+        ),
+        ("*NODE, SYSTEM=C\n1,1,90,0\n", "*NODE, SYSTEM=C: only nodes in rectangular coordinates are read"),
+        (BOTH + "*NGEN\n1, 9, 2\n", "*NGEN is not read; write every node and element on a line of its own"),
+        (BOTH + "*NODE\n1, 5,0,0\n", "node 1 stands at [0.0, 0.0, 0.0] and at [5.0, 0.0, 0.0]; parts that count their"),
+        (BOTH + CELLS, "two elements have the number 1; parts that count their elements each for itself are not read"),
+        (BOTH + "*NSET, NSET=x\nbass\n", "a set names 'bass', and no set before it is called so"),
+        (BOTH + "*NSET, NSET=x\n6\n", "'x' names node 6, which is not there"),
+        (BOTH + "*ELSET, ELSET=x\n2\n", "'x' names element 2, which is not there"),
+        (BOTH + "*NSET\n1\n", "a *NSET has no NSET="),
+        (BOTH.replace("2,3,4,5\n", "2,3,4,9\n"), "element 7 names node 9, which is not there"),
+        (BOTH.replace("2,3,4,5\n", "2,3,4\n"), "its *ELEMENT, TYPE=c3d4 ends amid an element"),
+        (BOTH + "*ELEMENT, TYPE=SPRING1\n9, 1\n", "elements of the type SPRING1 are not read; leave them out"),
+        (BOTH + "*NODE\n6, 1, 2\n", "node 6 has 2 coordinates; it needs three"),
+        (BOTH + "*INCLUDE, INPUT=gone.inp\n", "it takes lines from gone.inp, and there is no such file beside it"),
+        (BOTH + "*INCLUDE, INPUT=a.inp\n", "a.inp includes itself"),
+    ],
+)
+def test_what_is_not_read_is_refused_in_words(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(VisceraError, match=re.escape(f"a.inp: {sentence}")):
+        read(tmp_path, text)
+
+
+def test_an_assembly_of_one_part_in_its_place_is_read(tmp_path: Path) -> None:
+    found = read(tmp_path, f"*Part, name=A\n{BOTH}*End Part\n*Instance, name=A-1, part=A\n*End Instance\n")
+    assert len(found.cells) == 2
