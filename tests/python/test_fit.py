@@ -352,6 +352,34 @@ def test_the_verb_says_what_a_file_lacks(
 
 
 @pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--mode", "biaxial"], "--mode 'biaxial' is unknown"),
+        (["--compression"], "--compression is for curves of displacement and force; those of stretch and stress need"),
+        (["--area", "-1"], "--area is for curves of displacement and force"),
+        (["--length", "30mm", "--diameter", "5cm"], "--length is for curves of displacement and force"),
+        (["--diameter", "5cm"], "--diameter is for curves of displacement and force"),
+    ],
+)
+def test_options_that_do_not_fit_a_curve_of_stretch_and_stress(
+    options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_curve(tmp_path / "a.csv", "stretch,stress", STRETCH, 900.0 * (STRETCH - STRETCH**-2))
+    assert main(["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", *options]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_curve_of_stretch_beside_one_of_force_takes_its_specimen(tmp_path: Path) -> None:
+    write_curve(tmp_path / "a.csv", "stretch,stress", STRETCH, 900.0 * (STRETCH - STRETCH**-2))
+    pull = np.linspace(0.1, 0.5, 5)
+    write_curve(tmp_path / "b.csv", "displacement,force", pull, 0.09 * (1.0 + pull - (1.0 + pull) ** -2))
+    words = [str(tmp_path / "a.csv"), str(tmp_path / "b.csv"), "--length", "1m", "--area", "1e-4"]
+    assert main(["fit", *words, "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(900.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
     ("text", "words"), [("stretch,stress\n1,x\n2,3\n", "line 2: stress is 'x'"), ("a\n", "two lines")]
 )
 def test_a_file_that_is_no_table_of_numbers_is_refused(text: str, words: str, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from viscera.fitting.families import FAMILIES
 from viscera.fitting.fit import Undetermined
 from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
+from viscera.quantity import Choice
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
@@ -79,7 +80,12 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read the curves, fit, rank, print."""
     output.spare(args.curves, ("--plot", args.plot))
     check_picture(args.plot)
-    tests = [_test(Path(path), name, args) for path, name in zip(args.curves, _names(args.curves), strict=True)]
+    Choice(MODES)(args.mode, "--mode")
+    named = zip(args.curves, _names(args.curves), strict=True)
+    tables = [(Path(path), read_columns(path), name) for path, name in named]
+    tests = [_test(*table, args) for table in tables]
+    if all(_find(columns, "stretch") for _, columns, _ in tables):
+        _refuse_of_specimen(args)
     fits, left_out = _ranked(tests, args)
     output.say("\n".join(map(repr, tests)))
     output.say(_table(fits))
@@ -135,8 +141,17 @@ def _names(curves: list[str]) -> list[str]:
     return [stem if stems.count(stem) == 1 else path for stem, path in zip(stems, curves, strict=True)]
 
 
-def _test(path: Path, name: str, args: argparse.Namespace) -> MaterialTest:
-    columns = read_columns(path)
+def _refuse_of_specimen(args: argparse.Namespace) -> None:
+    """Raises `VisceraError` for an option of displacement and force, where all curves are of stretch and stress."""
+    for name in ("length", "area", "diameter", "compression"):
+        if getattr(args, name) not in (None, False):
+            raise VisceraError(
+                f"--{name} is for curves of displacement and force; those of stretch and stress need no specimen, so "
+                "leave it out"
+            )
+
+
+def _test(path: Path, columns: dict[str, Floats], name: str, args: argparse.Namespace) -> MaterialTest:
     if args.stuck and (args.mode != "uniaxial" or _find(columns, "stretch")):
         raise VisceraError("--stuck takes uniaxial curves of displacement and force, with --length and --diameter")
     if _find(columns, "stretch"):
