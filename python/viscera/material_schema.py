@@ -87,6 +87,7 @@ class Material:
         for name, value in own.items():
             _parameter(kind, name)(value, f"{name} in [{table}]")
         for part_table, part in parts.items():
+            _refuse_of_whole(part, [name for name in taken_by(kind) if name not in PARTIAL], part_table)
             for name, value in known(part, PARTIAL, part_table):
                 _parameter(kind, name)(value, f"{name} in [{part_table}]")
 
@@ -100,6 +101,7 @@ class Material:
         for place, part in parts.items():
             if place in names:
                 PerCell(Number())(part, f"{place} in [{whole}]")
+            _refuse_of_whole(part, ("energy", "fibres"), f"{whole}.{place}")
         for table, entries in ((whole, own), *((f"{whole}.{place}", part) for place, part in parts.items())):
             for name, value in known(entries, entries, table):
                 if name == "fibres":
@@ -124,6 +126,15 @@ def _refuse_places(own: Mapping[str, Any], taken: Collection[str], table: str) -
                 f"[{table}.{name}] is no table of a part, for {name!r} is the name of a parameter; call the set of "
                 "cells otherwise, or give a condition"
             )
+
+
+def _refuse_of_whole(part: Mapping[str, Any], names: Collection[str], table: str) -> None:
+    """Raise `VisceraError` for what the parts of a law share."""
+    name = next((name for name in names if name in part), None)
+    if name is not None:
+        raise VisceraError(
+            f"unknown key {name!r} in [{table}]: the parts of a law share it; for another, give this part its own `law`"
+        )
 
 
 def _names_in(formula: str) -> list[str]:

@@ -214,6 +214,26 @@ def test_formulas_of_case_files_are_checked(given: dict[str, Any], words: str) -
         case_of(words_of_case).organ()
 
 
+@pytest.mark.parametrize(
+    ("law", "part"),
+    [
+        ({"law": "StrainEnergy", "energy": NEO_HOOKEAN, "mu": 1e3, "lam": 4e3}, {"energy": "mu*(I1bar - 3)"}),
+        ({"law": "StrainEnergy", "energy": NEO_HOOKEAN, "mu": 1e3, "lam": 4e3}, {"fibres": FIBRES}),
+        (
+            {"law": "HolzapfelGasserOgden", "c": 1e3, "k1": 1e3, "k2": 1.0, "kappa": 1e5, "fibres": FIBRES},
+            {"fibres": FIBRES},
+        ),
+    ],
+)
+def test_parts_of_a_law_share_its_formula_and_its_fibres(law: dict[str, Any], part: dict[str, Any]) -> None:
+    words = {"mesh": "organ:beam", "fixed": "clamp", "material": {**law, "x > 50%": part}}
+    sentence = rf"unknown key '{next(iter(part))}' in \[material.x > 50%\]: the parts .* give this part its own `law`"
+    with pytest.raises(vs.VisceraError, match=sentence):
+        case_of(words)
+    own = {"law": "StrainEnergy", "energy": NEO_HOOKEAN + " + mu*(I4 - 1)**2", "mu": 1e3, "lam": 4e3, "fibres": FIBRES}
+    case_of({**words, "material": {**law, "x > 50%": own}}).organ()
+
+
 def test_a_part_of_another_formula_parameter() -> None:
     """As for every law, by a table of the part's name."""
     mesh = vs.organs.beam()
