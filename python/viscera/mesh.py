@@ -297,7 +297,8 @@ def mesh(
 def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     """Reads a mesh file: VTU, legacy VTK, Gmsh (1, 2.2, 4.1), Medit, Abaqus, FEBio.
 
-    `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit. Node sets come from point sets and integer
+    `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit; a mesh of a scan, written by `write` to
+    `.vtu`, states that it is in metres, and no other units are taken. Node sets come from point sets and integer
     point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET (Abaqus), NodeSet (FEBio); cell sets from
     integer cell arrays, groups of tetrahedra, ELSET and Elements. Points that belong to no cell are dropped with a
     message; otherwise as `mesh`.

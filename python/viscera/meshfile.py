@@ -77,6 +77,8 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         found = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
         points, blocks, sets, cell_sets = found
         axes = stated_axes(path) if ending == ".vtu" else ""
+        if axes and scale != 1.0:
+            raise VisceraError(f'it states its unit, metres, and the units are {units!r}: leave them out, or say "m"')
         return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets, axes=axes))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,17 @@ def test_bad_units_are_refused(bar: vs.Mesh, tmp_path: Path, units: str | float)
     bar.write(tmp_path / "bar.vtu")
     with pytest.raises(VisceraError, match=r"unknown unit 'metre'.*'m'|metres per unit, must be a number above 0"):
         vs.read(tmp_path / "bar.vtu", units=units)
+
+
+def test_units_that_a_file_denies_are_refused(bar: vs.Mesh, tmp_path: Path) -> None:
+    replace(bar, axes="RAS").write(tmp_path / "bar.vtu")
+    for units in ("cm", 0.5):
+        with pytest.raises(
+            VisceraError, match=r"bar.vtu: it states its unit, metres, and the units are .*: leave them"
+        ):
+            vs.read(tmp_path / "bar.vtu", units=units)
+    for said in ("m", 1.0):
+        assert vs.read(tmp_path / "bar.vtu", units=said).axes == "RAS"
 
 
 GMSH_GROUPS = ("clamp", "pull", "organ")
