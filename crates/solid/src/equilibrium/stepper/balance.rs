@@ -40,7 +40,7 @@ impl Stepper {
                 motion.mass.accelerations(&self.residual, &|dof| solver.is_held(dof));
             motion.has_started = true;
         }
-        motion.begin(self.contact.touches(), |dof| solver.is_held(dof));
+        motion.begin(self.contact.touches(), solver.rows(), |dof| solver.is_held(dof));
     }
 
     /// The increment of what is held, in `step`; and with it the motion that the frame would end with.

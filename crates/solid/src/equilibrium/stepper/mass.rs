@@ -100,6 +100,11 @@ impl MassMatrix {
         weights
     }
 
+    /// Degrees of freedom.
+    pub fn n_dofs(&self) -> usize {
+        3 * self.nodal.len()
+    }
+
     /// Finds its blocks in the pattern of the tangent.
     pub fn place(&mut self, pattern: &BlockPattern) {
         for entry in &mut self.entries {

@@ -12,6 +12,7 @@ mod contact;
 mod extrapolation;
 mod frame;
 mod mass;
+mod means;
 mod motion;
 mod pressed;
 mod regions;
@@ -261,6 +262,7 @@ impl Stepper {
         self.turning.clear();
         self.extrapolation.forget();
         self.solver.hold(dofs, mean_rows(patches));
+        self.motion.iter_mut().for_each(Motion::release);
         self.motion_fraction = 1.0;
         Ok(())
     }

@@ -5,12 +5,14 @@
 //!   Newmark:         c_a = 1/(beta h^2), c_v = gamma/(beta h), a* = v/(beta h) + (1/(2 beta) - 1) a,
 //!                    v* = (gamma/beta - 1) v + h (gamma/(2 beta) - 1) a.
 //! What is held moves with the mean velocity of the frame: a hand's motion is given, and the trapezoidal rule would
-//! make its velocity swing. With Newmark's rule every impact would add energy, since the stiff forces of contact are those at
+//! make its velocity swing; the same for the [means](super::means) of patches. With Newmark's rule every impact would add energy, since the stiff forces of contact are those at
 //! the end of a frame. So a frame that begins in contact follows backward Euler, and one in which contact begins ends with
 //! its mean velocity.
 
 use super::mass::MassMatrix;
+use super::means::Means;
 use super::{Dynamics, Integration};
+use crate::equilibrium::system::Row;
 
 /// The state of motion, with the terms a frame sets out with.
 pub(super) struct Motion {
@@ -24,6 +26,8 @@ pub(super) struct Motion {
     pub acceleration: Vec<f64>,
     /// Whether `acceleration` is that of the equation of motion.
     pub has_started: bool,
+    /// What patches lead, under Newmark's rule; none until the first frame of what hands hold.
+    means: Option<Means>,
     velocity_offset: Vec<f64>,
     acceleration_offset: Vec<f64>,
     /// Velocity and acceleration that end the frame after the displacement so far.
@@ -43,6 +47,7 @@ impl Motion {
             velocity: zeros(),
             acceleration: zeros(),
             has_started: false,
+            means: None,
             velocity_offset: zeros(),
             acceleration_offset: zeros(),
             trial_velocity: zeros(),
@@ -65,9 +70,17 @@ impl Motion {
         [ca + cv * alpha, 1.0 + cv * beta]
     }
 
-    /// Begins a frame, in contact with something or not.
-    pub fn begin(&mut self, touches: bool, is_held: impl Fn(usize) -> bool) {
+    /// Other hands hold the body, or turn it.
+    pub fn release(&mut self) {
+        self.means = None;
+    }
+
+    /// Begins a frame, in contact with something or not; patches hold the means of these rows.
+    pub fn begin(&mut self, touches: bool, rows: &[Row], is_held: impl Fn(usize) -> bool) {
         self.rule = if touches { Integration::BackwardEuler } else { self.integration };
+        if self.rule != Integration::BackwardEuler && self.means.is_none() {
+            self.means = Some(Means::new(rows, &self.mass, &is_held));
+        }
         let h = self.time_step;
         for dof in 0..self.velocity.len() {
             let (v, a) = (self.velocity[dof], self.acceleration[dof]);
@@ -91,6 +104,13 @@ impl Motion {
             let [ca, cv] = if is_held(dof) { [1.0 / (h * h), 1.0 / h] } else { free };
             self.trial_velocity[dof] = cv * increment(dof) - self.velocity_offset[dof];
             self.trial_acceleration[dof] = ca * increment(dof) - self.acceleration_offset[dof];
+        }
+        if self.rule != Integration::BackwardEuler
+            && let Some(means) = &self.means
+        {
+            means.lead(&mut self.trial_velocity, |dof| increment(dof) / h);
+            let before = &self.velocity;
+            means.lead(&mut self.trial_acceleration, |dof| (increment(dof) / h - before[dof]) / h);
         }
     }
 

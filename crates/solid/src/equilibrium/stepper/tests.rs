@@ -47,12 +47,16 @@ fn tip(body: &Body) -> Patch {
 }
 
 fn pressed(body: &Body) -> crate::equilibrium::Equilibrium {
+    pressed_by(body, DEPTH)
+}
+
+fn pressed_by(body: &Body, depth: f64) -> crate::equilibrium::Equilibrium {
     let problem = Problem {
         body,
         prescribed: root(body).into_iter().map(|dof| (dof, 0.0)).collect(),
         force: vec![0.0; body.n_dofs()],
         pressure: Pressure::default(),
-        patches: vec![PatchLoad { patch: tip(body), displacement: [0.0, 0.0, DEPTH] }],
+        patches: vec![PatchLoad { patch: tip(body), displacement: [0.0, 0.0, depth] }],
         start: None,
     };
     Newton::default().solve(&problem, &mut |_| true).unwrap()

@@ -7,6 +7,7 @@
 //! displacement. Their forces, `w_i l x (R r_i)` for multipliers `l`, add up to nothing but a torque.
 
 use super::Stepper;
+use super::motion::Motion;
 use crate::body::Body;
 use crate::equilibrium::problem::DEPENDENT;
 use crate::equilibrium::system::{Row, mean_rows};
@@ -136,6 +137,7 @@ impl Stepper {
         let mut rows = mean_rows(&self.patches);
         rows.extend(turning.iter().flat_map(|turning| turning.rows.clone()));
         self.solver.bind(rows);
+        self.motion.iter_mut().for_each(Motion::release);
         self.turning = turning;
         Ok(())
     }

@@ -166,6 +166,11 @@ impl ConstrainedSystem {
         self.border = Border::new(rows, self.is_held.len());
     }
 
+    /// The rows that patches add, without what is held.
+    pub fn rows(&self) -> &[Row] {
+        self.border.rows()
+    }
+
     /// Whether a degree of freedom is fixed or held.
     pub fn is_held(&self, dof: usize) -> bool {
         self.is_held[dof]

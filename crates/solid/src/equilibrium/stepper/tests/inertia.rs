@@ -207,3 +207,33 @@ fn a_frame_that_recovers_from_a_cut_keeps_its_inertia() {
         assert!(stepper.motion.as_ref().unwrap().acceleration.iter().any(|&a| a != 0.0));
     }
 }
+
+/// A hand on a patch moves at one speed and then stands still: by Newmark's rule its force does not swing from frame to
+/// frame, and the patch moves with the mean velocity of the frame.
+#[test]
+fn a_patch_moves_with_the_mean_velocity_of_the_frame() {
+    let body = bar("neo_hookean");
+    let (h, speed, moving) = (2e-3, 0.5, 20);
+    for mass in [Mass::Lumped, Mass::Consistent] {
+        let mut settings = dynamic(TRAPEZOID, mass, h);
+        settings.dynamics.as_mut().unwrap().damping = [40.0, 0.0];
+        settings.iterations = 10;
+        let mut stepper = held(&body, settings);
+        let (mut at, mut forces) = (0.0, Vec::new());
+        for k in 1..=600 {
+            let before = at;
+            at = -speed * h * f64::from(k.min(moving));
+            let frame = stepper.frame(&body, &press(&[[0.0, 0.0, at]])).unwrap();
+            forces.push(frame.patch_forces[0][2]);
+            let velocity = stepper.velocity().unwrap();
+            let patch = tip(&body);
+            let weighted = patch.nodes.iter().zip(&patch.weights);
+            let mean: f64 = weighted.map(|(&n, w)| w * velocity[3 * n as usize + 2]).sum();
+            assert!((mean - (at - before) / h).abs() < 1e-9, "{mass:?} frame {k}: {mean} m/s");
+        }
+        let expected = pressed_by(&body, at).patch_forces[0][2];
+        for force in &forces[590..] {
+            assert!((force / expected - 1.0).abs() < 1e-3, "{mass:?}: {force} {expected} N");
+        }
+    }
+}
