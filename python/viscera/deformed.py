@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from viscera.bond import Bond
     from viscera.grid import Field
     from viscera.organ import Organ
+    from viscera.scan import Scan
     from viscera.ties import Tied
 
 
@@ -261,7 +262,7 @@ class Deformed:
 
     def on_grid(
         self,
-        image: str | os.PathLike[str],
+        image: str | os.PathLike[str] | Scan,
         *,
         axes: str | None = None,
         inverse: bool = False,
@@ -269,6 +270,7 @@ class Deformed:
     ) -> Field:
         """The displacement at the voxels of an image, as a `Field`; arguments as in `viscera.grid.on_grid`.
 
+        image: a file, a `Scan`, or an image of SimpleITK.
         axes: world axes of the mesh, "RAS" or "LPS"; by default those of the scan that it was made from, else "RAS".
 
         >>> import viscera as vs

@@ -19,7 +19,8 @@ from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError
 from viscera.imagefile import nifti_affine
 from viscera.mesh import Floats, Indices, Mesh
-from viscera.quantity import Choice, Number, path_of
+from viscera.quantity import Choice, Number, path_of, refused
+from viscera.scan import Scan
 
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
 """Signs that turn coordinates into LPS and back."""
@@ -57,10 +58,16 @@ class Grid:
 
     @staticmethod
     def of(image: str | os.PathLike[str] | Any, axes: str = "RAS") -> Grid:
-        """The grid of an image file, or of a SimpleITK image, in the world axes of the mesh."""
+        """The grid of an image file, of a `Scan`, or of a SimpleITK image, in the world axes of the mesh."""
         Choice(AXES)(axes, "the axes")
+        if isinstance(image, Scan):
+            affine = _right_angled(image.in_axes(axes).affine, "the scan")
+            size = image.values.shape
+            return Grid((size[0], size[1], size[2]), affine[:, :3], affine[:, 3], axes)
         if isinstance(image, str | os.PathLike):
             image = read(image)
+        if not hasattr(image, "GetDirection") or image.GetDimension() != 3:
+            raise refused("the image", "a file, a Scan, or a SimpleITK image of three dimensions", image)
         sign = MM * AXES[axes]
         direction = np.array(image.GetDirection()).reshape(3, 3)
         matrix = sign[:, None] * direction * np.array(image.GetSpacing())
@@ -321,6 +328,11 @@ def _affine_as_scans(name: str) -> Floats:
         raise
     except Exception as error:  # nibabel raises whatever its parser meets
         raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
+    return _right_angled(affine, name)
+
+
+def _right_angled(affine: Floats, name: str) -> Floats:
+    """The affine map; raises `VisceraError` if the axes of its voxels are not at right angles, as those of ITK are."""
     steps = affine[:, :3]
     squares = steps.T @ steps
     sizes = np.sqrt(np.diag(squares))

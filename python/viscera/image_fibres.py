@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from viscera.errors import VisceraError
 from viscera.imagefile import read_image
 from viscera.mesh import Floats, Mesh
+from viscera.quantity import numbers_of, refused
 from viscera.scan import Scan
 
 log = logging.getLogger("viscera")
@@ -43,7 +44,8 @@ def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, 
 def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
     """Unit directions (m, 3) at the centroids."""
     if isinstance(image, str | os.PathLike):
-        name, (vectors, affine, axes) = str(image), read_image(Path(image))
+        name, (voxels, affine, axes) = str(image), read_image(Path(image))
+        vectors = np.asarray(voxels, dtype=np.float64)
         if not mesh.axes:
             log.warning(
                 "the mesh states no world axes; they are taken for %s, those of %s: "
@@ -52,8 +54,13 @@ def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
                 name,
             )
     else:
-        (vectors, affine), axes = image, mesh.axes
-    vectors = np.asarray(vectors, dtype=np.float64)
+        if not isinstance(image, tuple | list) or len(image) != 2:
+            raise refused(f"image {name} of fibres", "a file of vectors, or vectors (i, j, k, 3) with their map", image)
+        (given, affine), axes = image, mesh.axes
+        numbers = numbers_of(given)
+        if numbers is None:
+            raise refused(f"image {name} of fibres", "vectors (i, j, k, 3) of numbers", given)
+        vectors = numbers
     vectors = np.where(np.isfinite(vectors), vectors, 0.0)  # tools write NaN where they know no direction
     if vectors.ndim == 5 and vectors.shape[3] == 1:
         vectors = vectors[:, :, :, 0]  # NIfTI keeps the components of vectors in the fifth dimension

@@ -10,7 +10,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from viscera.labelmap import affine_of, labels_of, several, texts
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Edges, Progress, Region, mesh_regions
 from viscera.naming import told_apart
-from viscera.quantity import Choice, Number, Whole, path_of, refused
+from viscera.quantity import Choice, Number, Whole, numbers_of, path_of, refused
 from viscera.select import length
 
 AXES = ("RAS", "LPS")
@@ -33,6 +32,8 @@ FEW = 0.1
 """Up to this share a label is no part of a mesh that covers it: holes and steps of a few voxels are not resolved."""
 LISTED = 12
 """Largest number of labels that an error lists."""
+FAR = 1e9
+"""Index of a voxel outside every image, which stands for all that are farther out."""
 MOST_VOXELS = 1e9
 """Largest number of voxels of a label map that is made from a mesh."""
 
@@ -256,7 +257,7 @@ class Scan:
         return mesh.surface_nodes[self.near(mesh.points[mesh.surface_nodes], [label])]
 
     def index(self, places: ArrayLike) -> Floats:
-        """Voxel indices (k, 3) of points (k, 3) [m]; they may be fractions, and lie outside the image.
+        """Voxel indices (k, 3) of points (k, 3) [m], or of one (3,); they may be fractions, and lie outside the image.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -267,10 +268,13 @@ class Scan:
         >>> scan.index([[0.03, 0.0325, 0.01]]).round(2).tolist()
         [[6.0, 6.5, 2.0]]
         """
-        return np.asarray((np.asarray(places) - self.affine[:, 3]) @ np.linalg.inv(self.affine[:, :3]).T)
+        found = numbers_of(places)
+        if found is None or found.ndim not in (1, 2) or found.shape[-1] != 3 or not np.isfinite(found).all():
+            raise refused("the places", "finite numbers (k, 3) [m]", places)
+        return np.asarray((found.reshape(-1, 3) - self.affine[:, 3]) @ np.linalg.inv(self.affine[:, :3]).T)
 
     def at(self, places: ArrayLike) -> NDArray[Any]:
-        """Labels (k,) at points (k, 3) [m]; 0 outside the image.
+        """Labels (k,) at points (k, 3) [m], or at one (3,); 0 outside the image.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -281,13 +285,13 @@ class Scan:
         >>> scan.at([[0.03, 0.03, 0.03], [0.06, 0.03, 0.03], [0, 0, 0]]).tolist()
         [1, 2, 0]
         """
-        voxel = np.rint(self.index(places)).astype(np.int64)
+        voxel = np.rint(np.clip(self.index(places), -FAR, FAR)).astype(np.int64)
         is_inside = ((voxel >= 0) & (voxel < self.values.shape)).all(axis=1)
         voxel[~is_inside] = 0
         return np.where(is_inside, self.values[tuple(voxel.T)], 0)
 
     def near(self, places: ArrayLike, labels: Sequence[int], reach: float = NEAR) -> NDArray[np.bool_]:
-        """Whether points (k, 3) [m] are at most `reach` <= 1 voxels from a voxel with one of the labels.
+        """Whether points (k, 3) [m] are at most `reach` voxels, from 0 to 1, from a voxel with one of the labels.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -298,7 +302,8 @@ class Scan:
         >>> scan.near([[0.03, 0.03, 0.03], [0.06, 0.03, 0.03]], [2]).tolist()
         [False, True]
         """
-        index = self.index(places)
+        reach = Number(low=0, high=1)(reach, "reach, in voxels,")  # none but the nearest voxels are looked at
+        index = np.clip(self.index(places), -FAR, FAR)
         is_label = np.isin(self.values, labels)
         base = np.rint(index).astype(np.int64)
         found = np.zeros(len(index), dtype=bool)
@@ -339,7 +344,7 @@ class Scan:
         {1: 720, 2: 1008}
         """
         ras, lps = self.in_axes("RAS").affine, self.in_axes("LPS").affine
-        write_labels(Path(path), self.values, ras, lps)
+        write_labels(path_of(path, "the file to write"), self.values, ras, lps)
 
     @staticmethod
     def of(mesh: Mesh, voxel: float | str = 0.003, margin: int = 4) -> Scan:
@@ -352,6 +357,8 @@ class Scan:
         >>> round(1e3 * 0.006**3 * Scan.of(vs.organs.liver(), voxel=0.006).labels[1], 1)  # litres
         1.5
         """
+        if not isinstance(mesh, Mesh):
+            raise refused("the mesh", 'a Mesh, such as vs.read("organ.vtu", units="m")', mesh)
         size = Number("m", above=0)(length(voxel, mesh.diagonal, "voxel"), "voxel")
         low, high = mesh.bounding_box
         around = Whole(0, 1000)(margin, "margin")

@@ -231,6 +231,29 @@ def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: P
         grid.warp(field.grid.image(field.displacement), field, field)
 
 
+@pytest.mark.parametrize("axes", ["RAS", "LPS"])
+def test_a_scan_in_memory_is_the_grid_of_its_file(cube: vs.Mesh, tmp_path: Path, axes: str) -> None:
+    moved = affine(cube)
+    labels = vs.Scan.of(moved.organ.mesh, voxel=0.02).in_axes(axes)
+    labels.write(tmp_path / "labels.nrrd")
+    own, read = moved.on_grid(labels), moved.on_grid(tmp_path / "labels.nrrd")
+    assert own.inside.any()
+    assert np.array_equal(own.inside, read.inside)
+    np.testing.assert_allclose(own.displacement, read.displacement, rtol=0, atol=1e-12)
+    own.write(tmp_path / "field.nrrd")
+
+
+def test_what_is_no_image_is_refused(cube: vs.Mesh) -> None:
+    moved = affine(cube)
+    kinds: list[Any] = [np.zeros((4, 4, 4)), 3, sitk.Image([4, 4], sitk.sitkUInt8)]
+    for wrong in kinds:
+        with pytest.raises(vs.VisceraError, match="the image must be a file, a Scan, or a SimpleITK image of three"):
+            moved.on_grid(wrong)
+    sheared = np.array([[0.02, 0.01, 0, -0.1], [0, 0.02, 0, -0.1], [0, 0, 0.02, -0.1]])
+    with pytest.raises(vs.VisceraError, match="the scan: its voxels are sheared"):
+        moved.on_grid(vs.Scan(np.ones((12, 12, 12), dtype=int), sheared))
+
+
 @pytest.mark.parametrize("element", ["P1", "P2"])
 def test_a_mesh_that_states_its_axes_is_placed_by_them(
     cube: vs.Mesh, tmp_path: Path, element: str, capsys: pytest.CaptureFixture[str]

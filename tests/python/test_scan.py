@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -325,3 +326,37 @@ def test_what_places_no_labels_is_refused(change: dict[str, Any], words: str) ->
     vs.Scan(**given)  # however small its voxels
     with pytest.raises(vs.VisceraError, match=words):
         vs.Scan(**(given | change))
+
+
+NO_MESH: Any = "a.vtu"
+ALONE: Any = np.ones((2, 2, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda scan: scan.at([1.0, 2.0]), r"the places must be finite numbers \(k, 3\) \[m\], got \[1.0, 2.0\]"),
+        (lambda scan: scan.at("x"), r"the places must be finite numbers"),
+        (lambda scan: scan.at([[np.nan, 0, 0]]), r"the places must be finite numbers"),
+        (lambda scan: scan.near([[0, 0, 0]], [7], reach=5), "reach, in voxels, must be a number from 0 to 1, got 5"),
+        (lambda scan: scan.write(None), "the file to write must be named by a text or a path, got None"),
+        (lambda _: vs.Scan.of(NO_MESH, voxel=0.003), r"the mesh must be a Mesh, such as vs.read.*, got 'a.vtu'"),
+        (
+            lambda scan: vs.image_fibres(vs.organs.beam(), scan),
+            "image 1 of fibres must be a file of vectors, or vectors",
+        ),
+        (lambda _: vs.image_fibres(vs.organs.beam(), ALONE), "image 1 of fibres must be a file of"),
+        (lambda scan: vs.image_fibres(vs.organs.beam(), ("x", scan.affine)), "image 1 of fibres must be vectors"),
+    ],
+)
+def test_wrong_questions_to_a_scan(labelled: vs.Scan, make: Callable[[Any], object], words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        make(labelled)
+
+
+def test_one_point_is_asked_as_several_are(labelled: vs.Scan) -> None:
+    place = AFFINE @ [10, 10, 10, 1]
+    assert labelled.at(place).tolist() == labelled.at([place]).tolist() == [7]
+    assert np.allclose(labelled.index(place.tolist()), [[10, 10, 10]])
+    assert labelled.near(place, [7]).tolist() == [True]
+    assert labelled.at([1e300, 0, 0]).tolist() == [0]
