@@ -224,8 +224,10 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
         raise VisceraError(f"cut short: it declares {int(declared[1])} cells and holds fewer")
     kinds = dict.fromkeys(block.type for block in found.cells)
     blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
-    sets = _sets_of_cell_groups(found, names) | _sets_of_point_arrays(found)
-    sets |= {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
+    sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
+    sets |= _sets_of_point_arrays(found)
+    groups = _sets_of_cell_groups(found, names)
+    sets |= {name: nodes for name, nodes in groups.items() if name not in sets}
     return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found, names)
 
 
@@ -358,23 +360,20 @@ def _sets_of_cell_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Arrays:
 
     Of a name that groups of solid cells share with groups of faces, edges or vertices, the nodes of the latter.
     """
-    solid: dict[str, list[NDArray[Any]]] = {}
-    flat: dict[str, list[NDArray[Any]]] = {}
+    members: dict[str, tuple[list[NDArray[Any]], list[NDArray[Any]]]] = {}
     for key, word in (("gmsh:physical", "physical"), ("medit:ref", "ref")):
         for block, groups in zip(found.cells, found.cell_data.get(key, []), strict=False):
             for tag in np.unique(groups[groups != 0]).tolist():
                 name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
-                members = solid if block.dim == 3 else flat
-                members.setdefault(name, []).append(block.data[groups == tag].ravel())
+                members.setdefault(name, ([], []))[block.dim == 3].append(block.data[groups == tag].ravel())
     for name, per_block in _named_groups(found, names):  # an entity of Gmsh may be in several
-        blocks = [
-            (b, np.asarray(c, dtype=np.int64)) for b, c in zip(found.cells, per_block, strict=False) if c is not None
-        ]
-        held = [(block, chosen) for block, chosen in blocks if len(chosen)]
-        members = solid if all(block.dim == 3 for block, _ in held) else flat
+        pairs = [(block, np.asarray(c)) for block, c in zip(found.cells, per_block, strict=False) if c is not None]
+        held = [(block, chosen.astype(np.int64)) for block, chosen in pairs if len(chosen)]
+        is_solid = all(block.dim == 3 for block, _ in held)
         if held:
-            members.setdefault(name, []).extend(block.data[chosen].ravel() for block, chosen in held)
-    sets = {name: np.unique(np.concatenate(nodes)) for name, nodes in {**solid, **flat}.items()}
+            nodes = [block.data[chosen].ravel() for block, chosen in held]
+            members.setdefault(name, ([], []))[is_solid].extend(nodes)
+    sets = {name: np.unique(np.concatenate(flat or solid)) for name, (flat, solid) in members.items()}
     return _informative(sets, len(found.points))
 
 
