@@ -6,6 +6,7 @@ So are they shown below a notebook's cell, and a scene by `viscera view`.
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from viscera.select import Lengths, offset
 from viscera.select import point as point_of
 from viscera.viewer.notebook import Told, told
 from viscera.viewer.request import read
+from viscera.viewer.rest import Rest
 from viscera.viewer.surroundings import Surroundings
 
 if TYPE_CHECKING:
@@ -31,6 +33,10 @@ if TYPE_CHECKING:
 NOBODY = (0.0, 0.0, 0.0)
 ONE_PLACE = float(np.sqrt(1.0 - 0.2**2))
 """Cosine between the weights of two patches above which the core takes them for one (`OVERLAPPING` in `problem.rs`)."""
+FRAMES = 20
+"""Frames that a touch from Python takes at most to settle."""
+MOVING_FRAMES = 500
+"""The same with inertia, until the organ has come to rest."""
 
 
 class PlayedStepper:
@@ -70,25 +76,37 @@ class PlayedStepper:
         return png(draw(mesh.points, mesh.surface, self._stepper.displacement))
 
     def answer(self, point: Lengths, displacement: Lengths) -> Told:
-        """Frames with the first hand at a point, displaced from rest, until they have settled or 20 have passed."""
+        """Frames with the first hand at a point, displaced from rest, until they have settled and the organ is at rest.
+
+        It warns where an organ with inertia still moves after the last frame; its force is not trusted.
+        """
         place = point_of(point, self._organ.mesh, "contact point")
         push = offset(displacement, self._organ.mesh, "contact displacement")
         self._act(0, {"grab": place, "move": push})
-        for _ in range(20):
-            frame = self._frame()
-            if frame.is_settled:
-                break
-        return told(place, push, self._force(frame, 0), frame.is_settled)
+        frame = self._settled()
+        if not self._rest.is_reached:
+            warnings.warn(
+                f"the organ still moves after {MOVING_FRAMES} frames, so the force is not trusted; "
+                "give the stepper damping or a longer time_step, or touch again to go on",
+                stacklevel=3,
+            )
+        return told(place, push, self._force(frame, 0), frame.is_settled and self._rest.is_reached)
 
     def release(self) -> None:
-        """The first hand lets go, and a frame shows it."""
+        """The first hand lets go, and the organ comes to where that leaves it."""
         self._act(0, {"release": True})
-        self._frame()
+        self._settled()
 
     def reply(self, request: str) -> str | bytes:
         """The introduction, where nothing is asked for; else a frame, or a sentence that says why there is none."""
         if not request:
-            return introduction(self._surroundings, self._name, gravity=self._gravity, left_out=self._left_out)
+            return introduction(
+                self._surroundings,
+                self._name,
+                gravity=self._gravity,
+                left_out=self._left_out,
+                has_stress=not self._stepper._relaxes,
+            )
         try:
             self._follow(read(request))
             frame = self._frame()
@@ -98,7 +116,8 @@ class PlayedStepper:
             stress = frame.von_mises("nodes") if self._has_stress else None
         except (VisceraError, ValueError) as error:
             return json.dumps({"error": str(error)})
-        return packed(self._surroundings, frame, [self._force(frame, k) for k in (0, 1)], stress)
+        forces = [self._force(frame, k) for k in (0, 1)]
+        return packed(self._surroundings, frame, forces, stress, is_at_rest=self._rest.is_reached)
 
     def _begin(self) -> None:
         """A stepper that nobody holds; tools that it gets later are not shown."""
@@ -108,8 +127,13 @@ class PlayedStepper:
         self._stepper = self._make()
         self._organ: Organ = self._stepper._organ
         self._surroundings = Surroundings(self._organ, tuple(self._stepper._tools))
+        self._rest = Rest(self._stepper.velocity is not None)
 
     def _follow(self, asked: Mapping[str, Any]) -> None:
+        if asked.get("stress") and self._stepper._relaxes:
+            raise VisceraError(
+                "the stress of tissue that relaxes is not shown: it depends on a past that frames do not hold"
+            )
         if "laws" in asked:
             self._begin()
         self._act(0, asked)
@@ -119,20 +143,35 @@ class PlayedStepper:
         self._has_stress = asked.get("stress", self._has_stress)
 
     def _frame(self) -> Frame:
-        return self._stepper.frame(gravity=self._gravity)
+        frame = self._stepper.frame(gravity=self._gravity)
+        self._rest.note(frame, bool(self._stepper._hands))
+        return frame
+
+    def _settled(self) -> Frame:
+        """The frame that has settled and in which the organ is at rest, or the last that it may take."""
+        for _ in range(MOVING_FRAMES if self._rest.has_inertia else FRAMES):
+            frame = self._frame()
+            if frame.is_settled and self._rest.is_reached:
+                break
+        return frame
 
     def _act(self, index: int, gesture: Mapping[str, Any]) -> None:
-        """A hand lets go, takes hold, moves, in this order."""
+        """A hand lets go, takes hold, moves, in this order; where it cannot take hold, it has not let go either."""
         held = self._hands[index]
-        if held and (gesture.get("release") or "grab" in gesture):
+        patch = self._graspable(index, gesture) if "grab" in gesture else None
+        if held and (gesture.get("release") or patch):
             held[0].release()
             held = self._hands[index] = None
-        if "grab" in gesture:
-            patch = self._patch(gesture["grab"], gesture.get("organ"))
-            self._require_apart(patch, self._hands[1 - index])
+        if patch:
             held = self._hands[index] = (self._stepper.grasp(patch), np.asarray(gesture["grab"], float))
         if held and "move" in gesture:
             held[0].displacement = np.asarray(gesture["move"], float)
+
+    def _graspable(self, index: int, gesture: Mapping[str, Any]) -> _core.Patch:
+        """What a hand takes hold of; raises `VisceraError` if it cannot."""
+        patch = self._patch(gesture["grab"], gesture.get("organ"))
+        self._require_apart(patch, self._hands[1 - index])
+        return patch
 
     def _patch(self, point: Lengths, name: str | None) -> _core.Patch:
         """What a hand holds: of the organ of a scene that the page names, where several lie on each other."""
@@ -211,6 +250,7 @@ def introduction(
     gravity: Sequence[float] | None = None,
     left_out: Sequence[str] = (),
     is_still: bool = False,
+    has_stress: bool = True,
 ) -> str:
     """What the page needs before the first frame, as JSON: the organ at rest, and what stands around it."""
     organ = around.organ
@@ -229,6 +269,7 @@ def introduction(
             "gravity": gravity,
             "left_out": list(left_out),
             "is_still": is_still,
+            "has_stress": has_stress,
             "rest": mesh.points[mesh.surface_nodes].ravel().tolist(),
             "triangles": rows.ravel().tolist(),
             **parts,
@@ -237,10 +278,12 @@ def introduction(
     )
 
 
-def packed(around: Surroundings, shown: Frame | State, forces: list[Any], stress: Floats | None) -> bytes:
+def packed(
+    around: Surroundings, shown: Frame | State, forces: list[Any], stress: Floats | None, *, is_at_rest: bool = True
+) -> bytes:
     """A frame as `live/src/lib.rs` writes it, and before the stress the numbers of what stands around the organ.
 
-    A solved state is a frame that has settled.
+    A solved state is a frame that has settled; one of an organ that still moves has not.
     """
     mesh = around.organ.mesh
     _, displacement = shown._from_rest()  # also where a state counts from a scan
@@ -252,7 +295,7 @@ def packed(around: Surroundings, shown: Frame | State, forces: list[Any], stress
         float(getattr(shown, "is_unstable", False)),
         1e3 * getattr(shown, "seconds", 0.0),
         gain,
-        float(getattr(shown, "is_settled", True)),
+        float(getattr(shown, "is_settled", True) and is_at_rest),
         float(getattr(shown, "cells_at_bound", 0)),
         float(getattr(shown, "steps", 0)),
         *forces[1],
