@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from html import escape
@@ -301,7 +301,12 @@ def _sets_of_point_arrays(found: meshio.Mesh) -> Arrays:
     sets: Arrays = {}
     for name, values in found.point_data.items():
         sets |= _sets_of_array("ref:0" if name == "medit:ref" else name, values)
-    return _informative(sets, len(found.points))
+    return _informative(sets, len(found.points), _given(found.point_data))
+
+
+def _given(arrays: Iterable[str]) -> list[str]:
+    """The names of sets that `write` has made arrays of."""
+    return [name.removeprefix(SET_PREFIX) for name in arrays if name.startswith(SET_PREFIX)]
 
 
 def _sets_of_array(name: str, values: NDArray[Any]) -> Arrays:
@@ -310,19 +315,20 @@ def _sets_of_array(name: str, values: NDArray[Any]) -> Arrays:
         values = values[:, 0]
     if values.ndim != 1 or values.dtype.kind not in "iub":
         return {}
+    is_mask = not name.startswith("ref:")  # what numbers a reference 1 is none
     name = name.removeprefix(SET_PREFIX)
     labels = np.unique(values)
     labels = labels[labels != 0]
-    if labels.tolist() == [1] and not name.startswith("ref:"):
+    if labels.tolist() == [1] and is_mask:
         return {name: np.flatnonzero(values)}
     if len(labels) > MAX_SETS_PER_ARRAY:
         return {}
     return {f"{name}:{label}": np.flatnonzero(values == label) for label in labels.tolist()}
 
 
-def _informative(sets: Arrays, count: int) -> Arrays:
-    """The sets, without those that have no name of their own and contain everything."""
-    return {name: members for name, members in sets.items() if ":" not in name or len(members) < count}
+def _informative(sets: Arrays, count: int, given: Collection[str]) -> Arrays:
+    """The sets, without those that contain everything and have no name of their own, as those given have."""
+    return {n: members for n, members in sets.items() if ":" not in n or n in given or len(members) < count}
 
 
 def _cell_sets(found: meshio.Mesh, groups: gmsh_names.Names) -> Arrays:
@@ -339,20 +345,20 @@ def _cell_sets(found: meshio.Mesh, groups: gmsh_names.Names) -> Arrays:
         elif key != "gmsh:geometrical":
             sets |= _sets_of_array(key, values)
     starts = np.cumsum([0, *(len(found.cells[k]) for k in solid)])
-    for name, per_block in _named_groups(found, groups):
+    named = _named_groups(found, groups)
+    for name, per_block in named:
         chosen = [(start, per_block[k]) for start, k in zip(starts, solid, strict=False)]
         members = [start + np.asarray(c, dtype=np.int64) for start, c in chosen if c is not None and len(c)]
         if members:
             sets[name] = np.concatenate(members)
-    return _informative(sets, int(starts[-1]))
+    return _informative(sets, int(starts[-1]), [*names.values(), *dict(named), *_given(found.cell_data)])
 
 
-def _named_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Iterator[tuple[str, list[Any]]]:
+def _named_groups(found: meshio.Mesh, names: gmsh_names.Names) -> list[tuple[str, list[Any]]]:
     """The groups of cells that Gmsh 4 and Abaqus name outright, with their members in each block."""
     spelt = gmsh_names.keys(names)
-    for key, per_block in found.cell_sets.items():
-        if not key.startswith("gmsh:"):
-            yield spelt.get(key, key), per_block
+    groups = {key: per_block for key, per_block in found.cell_sets.items() if key != "gmsh:bounding_entities"}
+    return [(spelt.get(key, key), per_block) for key, per_block in groups.items()]
 
 
 def _sets_of_cell_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Arrays:
@@ -366,7 +372,8 @@ def _sets_of_cell_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Arrays:
             for tag in np.unique(groups[groups != 0]).tolist():
                 name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
                 members.setdefault(name, ([], []))[block.dim == 3].append(block.data[groups == tag].ravel())
-    for name, per_block in _named_groups(found, names):  # an entity of Gmsh may be in several
+    named = _named_groups(found, names)
+    for name, per_block in named:  # an entity of Gmsh may be in several
         pairs = [(block, np.asarray(c)) for block, c in zip(found.cells, per_block, strict=False) if c is not None]
         held = [(block, chosen.astype(np.int64)) for block, chosen in pairs if len(chosen)]
         is_solid = all(block.dim == 3 for block, _ in held)
@@ -374,7 +381,7 @@ def _sets_of_cell_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Arrays:
             nodes = [block.data[chosen].ravel() for block, chosen in held]
             members.setdefault(name, ([], []))[is_solid].extend(nodes)
     sets = {name: np.unique(np.concatenate(flat or solid)) for name, (flat, solid) in members.items()}
-    return _informative(sets, len(found.points))
+    return _informative(sets, len(found.points), [*names.values(), *dict(named)])
 
 
 def _mask(members: NDArray[Any], count: int) -> NDArray[np.uint8]:

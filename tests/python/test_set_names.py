@@ -126,6 +126,19 @@ def test_a_name_is_read_again_as_it_was_or_refused(bar: vs.Mesh, tmp_path: Path,
     assert again.sets["Lebertumor"].tolist() == [3]
 
 
+@pytest.mark.parametrize("ending", WITH_SETS)
+def test_names_with_colons_are_names_of_their_own(bar: vs.Mesh, tmp_path: Path, ending: str) -> None:
+    """Others are left out where they hold everything: those that are made of arrays and numbers of groups."""
+    mesh = bar.with_sets(**{"ref:2:7": np.arange(2), "z:1": np.arange(len(bar.points))})
+    mesh = mesh.with_cell_sets(**{"org:1": np.arange(len(bar.cells))})
+    mesh.write(tmp_path / f"bar{ending}")
+    again = vs.read(tmp_path / f"bar{ending}")
+    assert {name: len(nodes) for name, nodes in again.sets.items() if name in mesh.sets} == {
+        name: len(nodes) for name, nodes in mesh.sets.items()
+    }
+    assert {name: len(cells) for name, cells in again.cell_sets.items()} == {"org:1": len(bar.cells)}
+
+
 def test_control_characters_and_outer_spaces_in_names(bar: vs.Mesh, tmp_path: Path) -> None:
     with pytest.raises(VisceraError, match=r"'a\\nb' of a set holds '\\n', which \.vtu cannot say"):
         bar.with_sets(**{"a\nb": [0]}).write(tmp_path / "bar.vtu")
