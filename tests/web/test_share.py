@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+import viscera as vs
 from viscera.viewer import Server
 
 if TYPE_CHECKING:
@@ -178,3 +179,19 @@ def test_the_first_visit_has_a_hint(server: Server, look_at: Callable[..., Viewe
     viewer.page.wait_for_function("() => window.viscera")
     assert viewer.page.locator(".hint").is_hidden()
     viewer.close()
+
+
+def test_a_link_that_goes_too_deep_says_where_the_contact_slips(
+    touch: vs.Touch, server: Server, look_at: Callable[..., Viewer]
+) -> None:
+    asked = 1000 * touch.depth * 4
+    other = look_at(f"{server.url}#touch=300,50,100;0,0,-{asked:g}")
+    warning = other.page.locator(".warning.is-shown")
+    warning.wait_for()
+    said = warning.inner_text()
+    assert said.startswith("Not trusted: a depth of 32.5 mm exceeds the 25.0 mm that this model is made for")
+    assert said.endswith(f"and the contact slips before the {asked:.1f} mm that were asked for.")
+    deepest = [0.0, 0.0, -1.3 * touch.depth]
+    other.call("touch", [0.3, 0.05, 0.1], deepest)
+    assert "slips" not in warning.inner_text()
+    other.close()

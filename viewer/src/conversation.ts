@@ -20,6 +20,8 @@ export interface Hello extends Partial<Around> {
   refusal?: string | null;
   /** Whether it is a solved state, which no hand can move. */
   is_still?: boolean;
+  /** False where it has no stress to colour by. */
+  has_stress?: boolean;
   rest: number[];
   triangles: number[];
   /** Where it may be touched; everywhere if it is not said. */

@@ -13,13 +13,17 @@ export interface Distances {
   forceOff: number;
 }
 
-/** What is wrong with the answer of the highest order to a contact that is so deep [m], or with what a probe feels. */
-export function doubtOf(answer: Answer, felt: Felt | null, depth: number, model: Model): string {
+/**
+ * What is wrong with the answer of the highest order to a contact that is so deep [m], or with what a probe feels. The
+ * contact was to go deeper where it slipped.
+ */
+export function doubtOf(answer: Answer, felt: Felt | null, depth: number, model: Model, slipped = 0): string {
   if (felt?.grip === "inside") return "the probe is inside the organ; let go and touch again";
   switch (answer.trust) {
     case "beyond-depth":
       if (felt) return `the probe has entered by ${mm(-felt.gap)}, beyond the ${mm(Math.min(model.depth, model.radius))} that it may`;
-      return `a depth of ${mm(depth)} exceeds the ${mm(model.depth)} that this model is made for`;
+      const beyond = `a depth of ${mm(depth)} exceeds the ${mm(model.depth)} that this model is made for`;
+      return slipped > 0 ? `${beyond}, and the contact slips before the ${mm(slipped)} that were asked for` : beyond;
     case "error-too-large":
       return `the estimated error is ${percent(answer.error)} here`;
     case "no-number":

@@ -11,7 +11,8 @@ import type { Reading } from "./pointer";
 import { indices } from "./safetensors";
 import { Specimen, type Hand } from "./specimen";
 import type { Stage } from "./stage";
-import type { Told, TouchState } from "./touchstate";
+import type { Told } from "./told";
+import type { TouchState } from "./touchstate";
 import { forces, trouble } from "./verdict";
 
 const WORDS = "With two hands the organ itself is stepped; the reduced model has one contact.";

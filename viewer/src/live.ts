@@ -9,7 +9,7 @@ import { Hint } from "./hint";
 import { listen, type Keyed } from "./keys";
 import { Legend } from "./legend";
 import type { Link } from "./link";
-import { LivePainter, type LiveColouring } from "./livecolouring";
+import { colouringsOf, LivePainter, type LiveColouring } from "./livecolouring";
 import { LiveReadings } from "./livereadings";
 import { LiveTools } from "./livetools";
 import { Mean, paceInWords } from "./pace";
@@ -21,7 +21,7 @@ import { Share, type Shared } from "./share";
 import { Sight } from "./sight";
 import { Speech } from "./speech";
 import { Stage } from "./stage";
-import { UNTOUCHED, type Told } from "./touchstate";
+import { UNTOUCHED, type Told } from "./told";
 import { forces, trouble } from "./verdict";
 import { headsetButton } from "./xr";
 
@@ -90,7 +90,7 @@ export class LiveView implements Touched, Keyed, Shared {
     };
     this.depth = 0.1 * hello.diagonal;
     this.reach = REACH * hello.diagonal;
-    this.painter = new LivePainter(this.legend, this.depth);
+    this.painter = new LivePainter(this.legend, this.depth, colouringsOf(hello));
     this.laws = [hello.law];
     this.device = hello.device ?? null;
     this.title = hello.name;
@@ -376,12 +376,13 @@ export class LiveView implements Touched, Keyed, Shared {
     if (this.specimens.some(({ facts }) => !facts.isSettled) || this.conversation.hasWishes) this.ask();
   }
 
-  /** The touch of the first hand, for whom it is told to. */
+  /** The touch of the first hand that holds on, for whom it is told to. */
   get told(): Told {
-    const [held] = this.holding;
-    const { facts } = this.specimens[0]!;
+    const { held } = this;
     if (!held) return UNTOUCHED;
-    return { point: held.point, displacement: held.displacement, force: facts.force, is_trusted: facts.isSettled };
+    const { force, second, isSettled } = this.specimens[0]!.facts;
+    const own = held === this.holding[0] ? force : second;
+    return { point: held.point, displacement: held.displacement, force: own, is_trusted: isSettled };
   }
 
   private show(): void {

@@ -1,10 +1,16 @@
 // What the colour of stepped organs means: nothing, displacement or stress, all of them to one scale with its legend.
 import { PLASMA, VIRIDIS } from "./colour";
+import type { Hello } from "./conversation";
 import { KILOPASCALS, MILLIMETRES, type Legend } from "./legend";
 import type { Specimen } from "./specimen";
 
-export const LIVE_COLOURINGS = ["tissue", "displacement", "stress"] as const;
+const LIVE_COLOURINGS = ["tissue", "displacement", "stress"] as const;
 export type LiveColouring = (typeof LIVE_COLOURINGS)[number];
+
+/** Those of what is stepped: tissue that relaxes has no stress in a frame. */
+export function colouringsOf({ has_stress = true }: Hello): readonly LiveColouring[] {
+  return LIVE_COLOURINGS.filter((colouring) => has_stress || colouring !== "stress");
+}
 
 /** Nodes above the scale of the stress, as a part of all: the peaks at a patch's rim would take the whole scale. */
 const PEAKS = 0.02;
@@ -18,10 +24,12 @@ export class LivePainter {
     private readonly legend: Legend,
     /** The scale of displacements reaches to this [m]. */
     private readonly depth: number,
+    /** Those that there are to choose from. */
+    private readonly known: readonly LiveColouring[],
   ) {}
 
   get next(): LiveColouring {
-    return LIVE_COLOURINGS[(LIVE_COLOURINGS.indexOf(this.colouring) + 1) % LIVE_COLOURINGS.length]!;
+    return this.known[(this.known.indexOf(this.colouring) + 1) % this.known.length]!;
   }
 
   /** A hand takes hold anew: the scale of the stress is that of what it does. */

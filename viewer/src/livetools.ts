@@ -6,7 +6,7 @@ import { button, choice, element, helpDialog, Segments, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LIVE_KEYS, STILL_KEYS } from "./keys";
 import type { LiveView } from "./live";
-import type { LiveColouring } from "./livecolouring";
+import { colouringsOf, type LiveColouring } from "./livecolouring";
 import type { Tool } from "./pointer";
 
 const NONE = "0,0,0";
@@ -19,6 +19,12 @@ const GRAVITIES: readonly [string, string][] = [
   ["-9.81,0,0", "gravity −x"],
   ["9.81,0,0", "gravity +x"],
 ];
+
+const COLOURINGS: Record<LiveColouring, [LiveColouring, string, string]> = {
+  tissue: ["tissue", "Tissue", "the colour of tissue"],
+  displacement: ["displacement", "Displacement", "colour by displacement"],
+  stress: ["stress", "Stress", "colour by the von Mises stress"],
+};
 
 /** The choice, with the gravity of the case where that is another one. */
 function gravities(own: Vec3 | null): readonly [string, string][] {
@@ -37,7 +43,8 @@ export class LiveTools {
   private readonly probe: HTMLButtonElement;
 
   /** Above stand the organs of a scene, each with its colour, and the facts. */
-  constructor(view: LiveView, { organs = [], gravity, is_still }: Hello, facts: readonly string[], headset: HTMLButtonElement) {
+  constructor(view: LiveView, hello: Hello, facts: readonly string[], headset: HTMLButtonElement) {
+    const { organs = [], gravity, is_still } = hello;
     this.help = is_still ? helpDialog("Look at the organ", STILL_KEYS) : helpDialog("Take hold of the organ", LIVE_KEYS);
     const theme = button("◐", "light or dark theme", () => view.toggleTheme(), "T");
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
@@ -54,15 +61,8 @@ export class LiveTools {
       (tool) => view.setTool(tool),
     );
     this.tool.value = view.tool;
-    this.colouring = new Segments<LiveColouring>(
-      "colour",
-      [
-        ["tissue", "Tissue", "the colour of tissue"],
-        ["displacement", "Displacement", "colour by displacement"],
-        ["stress", "Stress", "colour by the von Mises stress"],
-      ],
-      (colouring) => view.setColouring(colouring),
-    );
+    const colourings = colouringsOf(hello).map((name) => COLOURINGS[name]);
+    this.colouring = new Segments<LiveColouring>("colour", colourings, (colouring) => view.setColouring(colouring));
     this.colouring.value = "tissue";
     this.outline = button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W");
     this.probe = button("Probe", "show probes in place of the forces' arrows", () => view.toggleProbe(), "F");

@@ -12,7 +12,8 @@ import type { Shift } from "./inside";
 import type { Reading } from "./pointer";
 import type { Stage } from "./stage";
 import { strides } from "./strides";
-import { conditions, TouchState, type HeldProbe, type Told } from "./touchstate";
+import type { Told } from "./told";
+import { conditions, TouchState, type HeldProbe } from "./touchstate";
 
 const NAMES = ["first probe", "second probe"] as const;
 const WORDS = "Each probe feels the other through the organ. The shape is the sum of both touches; the estimate includes the error of that.";

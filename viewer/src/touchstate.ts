@@ -7,6 +7,7 @@ import type { Answer, Evaluator, Felt, Vec3 } from "./evaluator";
 import { apart, displacementAt, distance, distances, norm, spreadError, typical } from "./field";
 import type { OrderReading, TouchReading } from "./readings";
 import { strides } from "./strides";
+import type { Told } from "./told";
 
 /** A tool may be moved this much beyond the depth the model is made for; then it slips. */
 export const BEYOND = 1.3;
@@ -41,6 +42,8 @@ export class TouchState {
   point: Vec3 = [0, 0, 0];
   normal: Vec3 = [0, 0, 1];
   displacement: Vec3 = [0, 0, 0];
+  /** How far the contact was to be displaced where it slipped before [m]; 0 where it did not. */
+  private slipped = 0;
   /** How far the hand has moved since it took hold [m]: so much as the contact, but for a probe's. */
   motion: Vec3 = [0, 0, 0];
   /** What a probe in the hand feels; null without one. */
@@ -156,7 +159,7 @@ export class TouchState {
   doubt(order: number): string {
     const { answer, evaluator } = this;
     const { metadata } = evaluator.about;
-    const doubt = doubtOf(answer, this.felt, this.depth, metadata);
+    const doubt = doubtOf(answer, this.felt, this.depth, metadata, this.slipped);
     return doubt || doubtOfOrder(order, metadata.order, this.distancesOf(order), this.room(answer.error));
   }
 
@@ -183,6 +186,8 @@ export class TouchState {
   private push(d: Vec3): Answer {
     const limit = BEYOND * this.evaluator.about.metadata.depth;
     const size = Math.hypot(...d);
+    // A hand that follows this limit itself may pass it by rounding.
+    this.slipped = size > (1 + SAME) * limit ? size : 0;
     this.displacement = this.motion = size > limit ? (d.map((x) => (x * limit) / size) as Vec3) : d;
     return this.evaluator.evaluate(this.displacement);
   }
@@ -260,16 +265,6 @@ export class TouchState {
     else spreadError(best, other, this.answer.shapeError, out);
   }
 }
-
-/** What is told of a touch to the kernel of a notebook; null where nobody touches. */
-export interface Told {
-  point: Vec3 | null;
-  displacement: Vec3 | null;
-  force: Vec3 | null;
-  is_trusted: boolean | null;
-}
-
-export const UNTOUCHED: Told = { point: null, displacement: null, force: null, is_trusted: null };
 
 /** A touch in the field of an order: the force, and what it is worth, are those of the order. */
 export function told(touching: TouchState, order: number): Told {

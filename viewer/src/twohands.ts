@@ -7,7 +7,8 @@ import type { Evaluator, Vec3 } from "./evaluator";
 import type { Reading } from "./pointer";
 import { ProbePair } from "./probepair";
 import type { Stage } from "./stage";
-import { TouchState, type Told } from "./touchstate";
+import type { Told } from "./told";
+import { TouchState } from "./touchstate";
 
 export class TwoHands {
   /** Whether hands hold probes: then the model answers both. Else its organ is stepped, where there is a case of it. */

@@ -1,18 +1,13 @@
 // The view below a notebook's cell: it follows the touches that Python asks for, and tells Python of those of a hand.
 import { element } from "./dom";
-import type { Vec3 } from "./evaluator";
 import { KernelLink, type Kernel } from "./link";
 import { connect, type LiveView } from "./live";
 import { inWords, Notice } from "./notice";
-import type { Told } from "./touchstate";
+import { agree, UNTOUCHED, type Told } from "./told";
 import { View } from "./view";
 
-/** What Python asks for; the number makes the same touch anew another one. */
-interface Asked {
-  number: number;
-  point?: Vec3;
-  displacement?: Vec3;
-}
+/** What Python asks for, and its own answer; the number makes the same touch anew another one. */
+type Asked = Partial<Told> & { number: number };
 
 /** The part of anywidget's model that is used. */
 export interface WidgetModel extends Kernel {
@@ -20,6 +15,7 @@ export interface WidgetModel extends Kernel {
   get(name: "height"): number;
   get(name: "asked"): Asked | undefined;
   get(name: "picture"): string;
+  get(name: keyof Told): unknown;
   set?(name: keyof Told, value: unknown): void;
   save_changes?(): void;
 }
@@ -63,32 +59,31 @@ function hidePicture(name: string | undefined): HTMLStyleElement {
   return style;
 }
 
+/** Follows what Python asks for, and tells it what the view shows where that is something else; returns what ends that. */
 function converse(view: View | LiveView, model: WidgetModel): () => void {
-  let [isFollowing, isWaiting, last] = [false, false, ""];
+  let known: Told = UNTOUCHED;
+  let isWaiting = false;
   const tell = () => {
     isWaiting = false;
     const { told } = view;
-    const text = JSON.stringify(told);
-    if (text === last) return;
-    last = text;
+    if (agree(told, known, view.depth)) return;
+    known = told;
     for (const name of NAMES) model.set?.(name, told[name]);
     model.save_changes?.();
   };
   view.onTouch = () => {
-    // What Python asked for it knows already.
-    if (isFollowing) last = JSON.stringify(view.told);
-    else if (!isWaiting) requestAnimationFrame(tell);
-    isWaiting ||= !isFollowing;
+    if (!isWaiting) requestAnimationFrame(tell);
+    isWaiting = true;
   };
-  const follow = () => {
-    const asked = model.get("asked");
-    if (!asked?.number) return;
-    isFollowing = true;
-    if (asked.point && asked.displacement) view.touch(asked.point, asked.displacement);
+  const follow = ({ point = null, displacement = null, force = null, is_trusted = null }: Partial<Told>) => {
+    known = { point, displacement, force, is_trusted };
+    if (point && displacement) view.touch(point, displacement);
     else view.rest();
-    isFollowing = false;
   };
-  model.on?.("change:asked", follow);
-  follow();
-  return () => model.off?.("change:asked", follow);
+  const listener = () => follow(model.get("asked") ?? {});
+  model.on?.("change:asked", listener);
+  // A view that is shown anew shows the touch of now, which Python or a hand made.
+  const present = Object.fromEntries(NAMES.map((name) => [name, model.get(name)])) as Partial<Told>;
+  if (present.point) follow(present);
+  return () => model.off?.("change:asked", listener);
 }

@@ -80,7 +80,8 @@ def widget(played: Played, height: int = 560) -> Any:
     """A widget that shows what is played, so many pixels high; raises `VisceraError` if anywidget is not installed.
 
     Its `touch(point, displacement)` touches [m] as a hand does, `release()` lets go. `point`, `displacement`, `force`
-    and `is_trusted` are those of the present touch, made from Python or on the page, and None without a touch;
+    and `is_trusted` are those of the present touch, made from Python or on the page, and None without a touch. While a
+    page shows the touch they are what the page shows: in the order and with the stiffness that are chosen there.
     `observe(handler, "force")` calls the handler at every change.
     """
     pixels = HEIGHT(height, "height")
@@ -124,7 +125,8 @@ def _widget_class() -> type:
             self._follow({"point": None, "displacement": None, "force": None, "is_trusted": None})
 
         def _follow(self, now: Told) -> None:
-            asked = {name: now[name] for name in ("point", "displacement") if now[name] is not None}
+            # With Python's own answer: a page that shows another one, as of a lower order, tells it back.
+            asked = {name: value for name, value in now.items() if value is not None}
             # All at once: a handler of one sees the others as they belong to it.
             with self.hold_trait_notifications():
                 for name, value in now.items():
