@@ -12,7 +12,7 @@ import os
 import pickle
 import socket
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ class Reply:
 def sweep(
     work: Callable[[Shared, Task], Result],
     shared: Shared,
-    tasks: Sequence[Task],
+    tasks: Iterable[Task],
     *,
     executor: Executor,
     progress: Progress | None = None,
@@ -82,12 +82,13 @@ def sweep(
     ...     sweep(pow, 2, [3, 5, 1], executor=pool)
     [8, 32, 2]
     """
+    if not isinstance(tasks, Iterable):
+        raise VisceraError(f"the tasks of a sweep must be a sequence of what `work` takes one by one, got {tasks!r}")
+    each = list(tasks)
     found: dict[int, Result] = {}
-    for number, result in spread(
-        work, shared, list(tasks), executor, lambda: _report(progress, len(found), len(tasks))
-    ):
+    for number, result in spread(work, shared, each, executor, lambda: _report(progress, len(found), len(each))):
         found[number] = result
-    return [found[number] for number in range(len(tasks))]
+    return [found[number] for number in range(len(each))]
 
 
 def spread(

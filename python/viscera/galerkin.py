@@ -256,9 +256,10 @@ class Galerkin:
         pairs = _pairs(touches)
         points = np.array([point_of(point, self.touch.mesh, "contact point") for point, _ in pairs])
         pushes = np.array([offset(push, self.touch.mesh, "contact displacement") for _, push in pairs])
-        if self._last is None or not np.array_equal(self._last.points, points):
-            self._last = self.grasp(points)
-        return self._last.solve(pushes, stiffness=stiffness)
+        last = self._last  # another thread may take hold elsewhere meanwhile
+        if last is None or not np.array_equal(last.points, points):
+            self._last = last = self.grasp(points)
+        return last.solve(pushes, stiffness=stiffness)
 
     def __repr__(self) -> str:
         return f"Galerkin({self.touch!r})"

@@ -34,6 +34,8 @@ Density: TypeAlias = ArrayLike | Mapping[Any, float]
 
 PRESSURE = Number("Pa")
 DENSITY = Number("kg/m^3", above=0)
+ROUNDING = 1e-12
+"""Of the mesh's diagonal: places that share nodes may move them as differently as this."""
 LIGHT = 100.0
 """Density [kg/m^3] below which it was most likely given in another unit; an inflated lung has 260."""
 
@@ -83,7 +85,7 @@ def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Presc
             if wanted is None:
                 continue
             previous = owner[nodes, axis]
-            clash = (previous >= 0) & (values[nodes, axis] != wanted)
+            clash = (previous >= 0) & (abs(values[nodes, axis] - wanted) > ROUNDING * mesh.diagonal)
             if clash.any():
                 node = nodes[clash][0]
                 raise VisceraError(

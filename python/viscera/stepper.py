@@ -255,8 +255,9 @@ class Stepper:
         )
         self._named = named
         carried = dict(zip(patches, zip(result["patch_forces"], result["patch_torques"], strict=True), strict=True))
+        reactions = self._divided(result["reactions"])
         for hand in self._hands:
-            hand._feel(result["displacement"], result["reactions"], carried)
+            hand._feel(result["displacement"], reactions, carried)
         told = contacts(self._core.contact([tool._number for tool in self._tools])) if self._tools else []
         felt = dict(zip(self._tools, told, strict=True))
         pairs = self._organ._contact_pairs
@@ -309,6 +310,14 @@ class Stepper:
             require_held(self._organ.mesh, self._organ.fixed, motion.dofs, motion.patches, self._organ._ties)
         self._core.grasp(motion.dofs, motion.patches)
 
+    def _divided(self, reactions: Floats) -> Floats:
+        """What each hand feels at each node [N]: hands that hold the same node share its reaction evenly."""
+        holding = [hand for hand in self._hands if hand._pull is None and not isinstance(hand._where, _core.Patch)]
+        if len(holding) < 2:
+            return reactions
+        hands = np.bincount(np.concatenate([hand._nodes for hand in holding]), minlength=len(reactions))
+        return np.asarray(reactions / np.maximum(hands, 1)[:, None])
+
     def _pulls(self, applied: Floats | None) -> tuple[Floats | None, list[tuple[_core.Patch, list[float]]]]:
         """Nodal forces with those of the hands that pull, and their torques."""
         torques = []
@@ -340,6 +349,8 @@ class Stepper:
         organ = self._organ
         applied = dead_forces(organ.mesh, organ.fixed, force, traction)
         if gravity is None:
+            if density is not None:
+                density_per_cell(organ.mesh, density)  # refused now rather than in the first frame with gravity
             return applied, (0.0, 0.0, 0.0)
         x, y, z = vector(gravity, "gravity", "m/s^2").tolist()
         if density is None:

@@ -137,6 +137,41 @@ def test_forks_are_refused(organ: vs.Organ) -> None:
         vs.sweep(twice, [21], [1], executor=pool)
 
 
+def pushed(organ: vs.Organ) -> float:
+    return organ.solve(force={"tip": (0, 0, -1.0)}).max_displacement
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks on this system")
+def test_a_fork_of_a_process_that_has_threads_is_refused_and_one_before_is_not(organ: vs.Organ) -> None:
+    """Other pools than those of a sweep, too: not with a worker that waits for ever."""
+    fork = multiprocessing.get_context("fork")
+    expected = pushed(organ)
+    with ProcessPoolExecutor(1, mp_context=fork) as pool:
+        asked = pool.submit(pushed, organ)
+        try:
+            with pytest.raises(vs.VisceraError, match=r"fork of process \d+, .*get_context\(.spawn.\)"):
+                asked.result(timeout=120)
+        finally:
+            for worker in pool._processes.values():
+                worker.kill()
+    program = (
+        "import multiprocessing, sys; from concurrent.futures import ProcessPoolExecutor; import viscera as vs\n"
+        "organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed='clamp')\n"
+        "def push(x): return organ.solve(force={'tip': (0, 0, x)}).max_displacement\n"
+        "with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context('fork')) as pool:\n"
+        "    print(pool.submit(push, -1.0).result(timeout=60))\n"
+    )
+    printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert float(printed.stdout) == pytest.approx(expected), printed.stderr
+
+
+def test_the_tasks_of_a_sweep_may_come_one_by_one() -> None:
+    with ThreadPoolExecutor(2) as threads:
+        assert vs.sweep(twice, [21], (task for task in range(3)), executor=threads) == [42, 43, 44]
+        with pytest.raises(vs.VisceraError, match=r"tasks of a sweep must be a sequence .*got 5"):
+            vs.sweep(twice, [21], 5, executor=threads)  # type: ignore[arg-type]
+
+
 def test_regions_are_those_of_the_core(organ: vs.Organ) -> None:
     """In number, members and order; also of a loaded shape, with zeros of either sign."""
     kept: list[bytes] = []

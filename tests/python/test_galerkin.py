@@ -114,6 +114,29 @@ def test_threads_may_ask_one_grasp(fingers: Galerkin) -> None:
     assert together == pytest.approx(alone, rel=1e-6)
 
 
+def test_a_thread_that_takes_hold_elsewhere_meanwhile_changes_no_answer(touch: vs.Touch) -> None:
+    """It does so at the worst moment: just when this one has found that it holds the right places."""
+    galerkin = touch.galerkin(snapshots=0)
+    points, push = (LEFT, RIGHT), (0.0, 0.0, -0.004)
+    one, other = ([(point, push)] for point in points)
+    expected = galerkin.solve(one).force
+    own, elsewhere = galerkin.grasp([points[0]]), galerkin.grasp([points[1]])
+
+    class Found:
+        """The grasp of this thread; who has looked at its points finds another one in its place."""
+
+        solve = own.solve
+
+        @property
+        def points(self) -> np.ndarray:
+            galerkin._last = elsewhere
+            return own.points
+
+    galerkin._last = Found()  # type: ignore[assignment]
+    assert galerkin.solve(one).force == pytest.approx(expected, rel=1e-6)
+    assert galerkin.solve(other).force != pytest.approx(expected, rel=1e-3)
+
+
 def test_the_means_of_the_patches_are_the_displacements(fingers: Galerkin) -> None:
     grasp = fingers.grasp([LEFT, RIGHT])
     held = grasp.solve(PUSHES)

@@ -213,6 +213,25 @@ def test_a_hand_that_pulls_beside_loads_and_lets_go(organ: vs.Organ) -> None:
     assert np.abs(settle(stepper).displacement).max() < 1e-7
 
 
+def test_hands_that_share_nodes_balance_the_support_together(organ: vs.Organ) -> None:
+    stepper = organ.stepper(iterations=20, settled=1e-9)
+    hands = [stepper.grasp("x > 99% and z > 40%"), stepper.grasp("x > 99% and z < 60%")]
+    assert set(hands[0]._nodes) & set(hands[1]._nodes)
+    for hand in hands:
+        hand.move((0, 0, -0.01))
+    frame = stepper.frame()
+    force, _ = support(organ, frame)
+    assert frame.is_settled
+    assert hands[0].force + hands[1].force == pytest.approx(-force, abs=1e-6 * abs(force).max())
+    hands[1].release()
+    assert settle(stepper).force(hands[0])[2] < 0.0
+
+
+def test_a_density_of_a_frame_is_looked_at_without_gravity(organ: vs.Organ) -> None:
+    with pytest.raises(vs.VisceraError, match="density"):
+        organ.stepper().frame(density=-1.0)
+
+
 def released(hand: vs.Hand) -> vs.Hand:
     hand.release()
     return hand

@@ -2,6 +2,7 @@
 
 use crate::body::Body;
 use crate::family::FamilyArguments;
+use crate::threads;
 use crate::{
     contact,
     convert::{self, VisceraError},
@@ -168,9 +169,9 @@ impl Body {
         }
         let n_tools = tools.len();
         let mut watch = Watch::new(on_progress);
-        let result = py.detach(|| {
+        let result = threads::detached_for(py, &self.body, || {
             newton.solve_in_contact(&problem, &mut contact, &mut |load| watch.report((load,)))
-        });
+        })?;
         let state = watch.outcome(result)?;
         let dict = state_dict(py, &self.body, state)?;
         dict.set_item("contact", contact::reports(py, &contact, 0..n_tools, n)?)?;
@@ -185,7 +186,7 @@ impl Body {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
         let mut force = vec![0.0; u.len()];
-        py.detach(|| self.body.internal_force(&u, &mut force));
+        threads::detached_for(py, &self.body, || self.body.internal_force(&u, &mut force))?;
         convert::field(py, force)
     }
 
@@ -200,7 +201,7 @@ impl Body {
         displacement: PyReadonlyArray2<f64>,
     ) -> PyResult<Responses<'py>> {
         let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
-        let found = py.detach(|| self.body.quadrature_points(&u));
+        let found = threads::detached_for(py, &self.body, || self.body.quadrature_points(&u))?;
         let m = self.body.cells().len();
         let q = found.len() / m;
         let tensors = |of: fn(&body::QuadraturePoint) -> [[f64; 3]; 3]| {
@@ -251,10 +252,10 @@ impl Body {
         let pressure = convert::pressure(&pressed, &pressure);
         let continuation = Continuation { order, parameter, until, tolerance, max_expansions };
         let mut watch = Watch::new(None);
-        let result = py.detach(|| {
+        let result = threads::detached_for(py, &self.body, || {
             let (body, fixed) = (&self.body, &self.fixed);
             continuation.follow(body, fixed, &force, &pressure, &mut || watch.report(()))
-        });
+        })?;
         let expansions = watch.outcome(result)?;
         expansions.into_iter().map(|expansion| path::expansion_dict(py, expansion)).collect()
     }
@@ -309,12 +310,12 @@ impl Body {
             user,
         };
         let (mut watch, mut kept) = (Watch::new(on_progress), Kept { batches, raised: None });
-        let result = py.detach(|| {
+        let result = threads::detached(py, || {
             let mut report = |p: Progress| watch.report((p.done, p.total, p.stage));
             let (body, surface, fixed) = (&self.body, &self.surface, &self.fixed[..]);
             let family = family.as_ref().map(|family| family.family());
             reduction.run_kept(body, family.as_ref(), surface, fixed, (&mut kept, &mut report))
-        });
+        })?;
         match kept.raised {
             Some(raised) => Err(raised),
             None => {

@@ -1,5 +1,6 @@
 //! Displacements by small forces about one state after another.
 
+use crate::threads;
 use crate::{body::Body, convert, convert::VisceraError, exclusive::Exclusive};
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -39,14 +40,14 @@ impl Compliance {
         let force: Vec<f64> = force.as_array().iter().copied().collect();
         let mut guard = self.compliance.claim()?;
         let compliance = &mut *guard;
-        let found = py.detach(|| {
+        let found = threads::detached(py, || {
             let system = compliance.at(body, &u)?;
             let mut columns: Vec<f64> =
                 force.chunks(3 * n).flat_map(|column| system.gather(column)).collect();
             system.solve_columns(&mut columns)?;
             let fields = columns.chunks(system.n_free()).flat_map(|column| system.scatter(column));
             Ok::<Vec<f64>, viscera_core::Error>(fields.collect())
-        });
+        })?;
         PyArray1::from_vec(py, found.map_err(convert::error)?).reshape(shape)
     }
 }

@@ -4,6 +4,7 @@ use crate::convert::{self, VisceraError};
 use crate::interrupt::interruptible;
 use crate::mesh::Patch;
 use crate::model::Model;
+use crate::threads;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -32,7 +33,7 @@ impl Galerkin {
     ) -> PyResult<Self> {
         let series = model.model.clone();
         let sampling = Sampling { order, tolerance, depth, snapshots };
-        let made = py.detach(|| galerkin::Galerkin::new(series, sampling));
+        let made = threads::detached(py, || galerkin::Galerkin::new(series, sampling))?;
         Ok(Galerkin { galerkin: Arc::new(made.map_err(convert::error)?) })
     }
 
@@ -46,7 +47,8 @@ impl Galerkin {
         let grasp = if wait {
             interruptible(py, |is_wanted| self.galerkin.grasp_while(&points, is_wanted))?
         } else {
-            py.detach(|| self.galerkin.grasp_in_background(&points)).map_err(convert::error)?
+            threads::detached(py, || self.galerkin.grasp_in_background(&points))?
+                .map_err(convert::error)?
         };
         Ok(HyperReducedModel { grasp: Mutex::new(grasp) })
     }
@@ -67,7 +69,7 @@ impl HyperReducedModel {
         ask: impl FnOnce(&mut galerkin::HyperReducedModel) -> T + Send,
     ) -> PyResult<T> {
         let broken = || VisceraError::new_err("this grasp broke off; take hold anew");
-        py.detach(|| Some(ask(&mut *self.grasp.lock().ok()?))).ok_or_else(broken)
+        threads::detached(py, || Some(ask(&mut *self.grasp.lock().ok()?)))?.ok_or_else(broken)
     }
 }
 
@@ -168,12 +170,13 @@ impl GalerkinAnswer {
     }
 
     fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        convert::field(py, py.detach(|| self.solution.displacement()))
+        convert::field(py, threads::detached(py, || self.solution.displacement())?)
     }
 
     /// Error estimates of forces and field, and the reason if the answer is not trusted.
     fn assess(&self, py: Python<'_>) -> PyResult<(f64, f64, &'static str)> {
-        let assessment = py.detach(|| self.solution.assess()).map_err(convert::error)?;
+        let assessment =
+            threads::detached(py, || self.solution.assess())?.map_err(convert::error)?;
         Ok((assessment.force_error, assessment.shape_error, reason(assessment.trust)))
     }
 }

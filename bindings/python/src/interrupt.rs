@@ -1,6 +1,7 @@
 //! Long work that Ctrl-C ends.
 
 use crate::convert;
+use crate::threads;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -18,7 +19,7 @@ pub fn interruptible<T: Send>(
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
     let (is_wanted, mut raised) = (AtomicBool::new(true), None);
-    let outcome = py.detach(|| {
+    let outcome = threads::detached(py, || {
         thread::scope(|scope| {
             let (wanted, (say, done)) = (&is_wanted, channel());
             // Whoever waits for it is there until it comes.
@@ -35,7 +36,7 @@ pub fn interruptible<T: Send>(
                 }
             }
         })
-    });
+    })?;
     match (raised, outcome) {
         (Some(error), _) => Err(error),
         (None, Some(outcome)) => outcome.map_err(convert::error),

@@ -24,6 +24,7 @@ mod pgd;
 mod probe;
 mod settings;
 mod stepper;
+mod threads;
 mod touch;
 
 use pyo3::prelude::*;

@@ -2,6 +2,7 @@
 
 use crate::convert;
 use crate::exclusive::Exclusive;
+use crate::threads;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -15,7 +16,8 @@ pub struct Live {
 impl Live {
     #[new]
     fn new(py: Python<'_>, case: &[u8]) -> PyResult<Self> {
-        let live = py.detach(|| viscera_live::Live::open(case)).map_err(convert::error)?;
+        let live =
+            threads::detached(py, || viscera_live::Live::open(case))?.map_err(convert::error)?;
         Ok(Live { live: Exclusive::new("live case", live) })
     }
 
@@ -26,7 +28,7 @@ impl Live {
     fn answer<'py>(&self, py: Python<'py>, request: &str) -> PyResult<Bound<'py, PyBytes>> {
         let mut claimed = self.live.claim()?;
         let live = &mut *claimed;
-        let frame = py.detach(|| live.answer(request)).map_err(convert::error)?;
+        let frame = threads::detached(py, || live.answer(request))?.map_err(convert::error)?;
         let bytes: Vec<u8> = frame.iter().flat_map(|x| x.to_le_bytes()).collect();
         Ok(PyBytes::new(py, &bytes))
     }

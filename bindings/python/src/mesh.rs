@@ -1,6 +1,7 @@
 //! Mesh topology and contact patches.
 
 use crate::convert::{self, VisceraError};
+use crate::threads;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -138,10 +139,10 @@ impl Locator {
 
     fn find<'py>(&self, py: Python<'py>, places: PyReadonlyArray2<f64>) -> PyResult<Places<'py>> {
         let places = convert::points("places", &places)?;
-        let found = py.detach(|| {
+        let found = threads::detached(py, || {
             let find = |x| self.locator.find(x);
             places.par_iter().with_min_len(1024).map(find).collect::<Vec<_>>()
-        });
+        })?;
         let cells = found.iter().map(|at| at.map_or(-1, |at| i64::from(at.cell))).collect();
         let weights: Vec<[f64; 4]> =
             found.iter().map(|at| at.map_or([0.0; 4], |at| at.weights)).collect();
@@ -211,9 +212,9 @@ impl Surface {
         points: PyReadonlyArray2<f64>,
     ) -> PyResult<ClosestPoints<'py>> {
         let points = convert::points("points", &points)?;
-        let found: Option<Vec<_>> = py.detach(|| {
+        let found: Option<Vec<_>> = threads::detached(py, || {
             points.par_iter().with_min_len(256).map(|&x| self.surface.closest(x)).collect()
-        });
+        })?;
         let found = found.ok_or_else(|| {
             VisceraError::new_err("there is no triangle, or one of the points is not finite")
         })?;

@@ -2,6 +2,7 @@
 
 use crate::body_methods::Watch;
 use crate::convert::{self, VisceraError};
+use crate::threads;
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -23,9 +24,9 @@ pub fn mesh_labels<'py>(
     let (affine, volumes) = (rows(&affine)?, volumes.as_deref());
     let map = Labels { dims: [i, j, k], values: &voxels, affine, volumes };
     let mut watch = Watch::new(on_progress);
-    let made = py.detach(|| {
+    let made = threads::detached(py, || {
         viscera_mesher::mesh(&map, &labels, &edges, |done, total| watch.report((done, total)))
-    });
+    })?;
     let mesh = outcome(watch, made)?;
     let facts = PyDict::new(py);
     facts.set_item("points", convert::table(py, &mesh.points)?)?;
@@ -54,10 +55,10 @@ pub fn winding_numbers<'py>(
         (convert::points("points", &points)?, convert::triangles(&triangles)?);
     let affine = rows(&affine)?;
     let mut watch = Watch::new(on_progress);
-    let numbers = py.detach(|| {
+    let numbers = threads::detached(py, || {
         let winding = Winding::new(&points, &triangles);
         winding.on_grid(shape, &affine, |done, total| watch.report((done, total)))
-    });
+    })?;
     let numbers = outcome(watch, numbers.ok_or(Error::Cancelled))?;
     PyArray1::from_vec(py, numbers).reshape(shape)
 }

@@ -4,6 +4,7 @@ use crate::body::Body;
 use crate::body_methods::Watch;
 use crate::convert;
 use crate::settings::choose;
+use crate::threads;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -39,9 +40,9 @@ pub fn pgd<'py>(
     };
     let pgd = Pgd { order, load, route };
     let mut watch = Watch::new(on_progress);
-    let result = py.detach(|| {
+    let result = threads::detached(py, || {
         pgd.run(&body.body, &body.fixed, &loads, &mut |p| watch.report((p.order, p.terms)))
-    });
+    })?;
     let orders = watch.outcome(result)?.into_iter().map(|order| order_dict(py, order));
     let dict = PyDict::new(py);
     dict.set_item("positions", PyArray1::from_slice(py, &loads.positions))?;
@@ -70,7 +71,8 @@ pub fn compress<'py>(
     let field = Separated { space: rows(&space), position: rows(&position) };
     let (n, m) = (space.as_array().ncols(), position.as_array().ncols());
     let weights = weights.as_array().to_vec();
-    let small = py.detach(|| field.compress(&weights, tolerance)).map_err(convert::error)?;
+    let small =
+        threads::detached(py, || field.compress(&weights, tolerance))?.map_err(convert::error)?;
     modes(py, small, n, m)
 }
 
@@ -88,8 +90,9 @@ pub fn plain_newton<'py>(
     let force = convert::dofs("force", &force, body.body.points().len())?;
     let newton = PlainNewton { increments, max_iterations, tolerance };
     let mut watch = Watch::new(None);
-    let result =
-        py.detach(|| newton.solve(&body.body, &body.fixed, &force, &mut || watch.report(())));
+    let result = threads::detached(py, || {
+        newton.solve(&body.body, &body.fixed, &force, &mut || watch.report(()))
+    })?;
     let reached = watch.outcome(result)?;
     Ok((convert::field(py, reached.displacement)?, reached.increments, reached.iterations))
 }

@@ -1,5 +1,6 @@
 //! Frames in real time, and the settings of solver, inertia and relaxation.
 
+use crate::threads;
 use crate::{body::Body, contact, convert, exclusive::Exclusive, mesh::Patch, settings::Solver};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -166,7 +167,8 @@ impl Stepper {
             torques: &torques,
             gravity,
         };
-        let frame = py.detach(|| stepper.frame(body, &input)).map_err(convert::error)?;
+        let frame = threads::detached_for(py, body, || stepper.frame(body, &input))?
+            .map_err(convert::error)?;
         let dict = PyDict::new(py);
         dict.set_item("displacement", field(py, stepper.displacement())?)?;
         dict.set_item("reactions", convert::field(py, stepper.reactions().collect())?)?;

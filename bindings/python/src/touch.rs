@@ -1,6 +1,7 @@
 //! The series of single contacts, for studies.
 
 use crate::body::Body;
+use crate::threads;
 use crate::{convert, mesh::Patch};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -21,10 +22,10 @@ pub fn touch_series<'py>(
     let n = body.body.points().len();
     let base = convert::dofs("base", &base, n)?;
     let patches: Vec<_> = patches.iter().map(|p| p.patch.clone()).collect();
-    let result = py.detach(|| {
+    let result = threads::detached(py, || {
         let expansion = TouchExpansion::new(&body.body, &body.fixed, base, order)?;
         expansion.expand(&patches.iter().collect::<Vec<_>>(), order)
-    });
+    })?;
     let series = result.map_err(convert::error)?.into_iter().map(|series| {
         let terms = series.force.len();
         let fields = PyArray1::from_vec(py, series.displacement.from_term(0).to_vec());
