@@ -333,13 +333,13 @@ def test_the_keyboard_can_do_it_all(viewer: Viewer) -> None:
     assert viewer.state["activity"] == "rest"
 
 
-def test_strain_is_the_stretch_of_the_surface(viewer: Viewer, touch: vs.Touch) -> None:
-    """Of every triangle the largest change of length in its plane, by singular values of its map; means at nodes."""
-    viewer.call("setColouring", "strain")
-    viewer.call("touch", TOP, (0.0, 0.003, -0.02))
-    shown = np.array(viewer.page.evaluate("() => [...viscera.display.painter.values]"))
-    rest = touch.mesh.points[touch.surface_nodes]
-    moved = rest + np.reshape(viewer.state["field"], (-1, 3))
+def strain(touch: vs.Touch, displacement: Any) -> Any:
+    """Of every triangle the largest change of length in its plane, by singular values of its map; means at nodes (s,).
+
+    displacement: (s, 3) of the surface nodes, from the shape without load.
+    """
+    rest = touch.rest.points[touch.surface_nodes]
+    moved = rest + displacement
     triangles = np.searchsorted(touch.surface_nodes, touch.mesh.surface)
     total, area = np.zeros(len(rest)), np.zeros(len(rest))
     for rows in triangles:
@@ -348,7 +348,14 @@ def test_strain_is_the_stretch_of_the_surface(viewer: Viewer, touch: vs.Touch) -
         weight = np.linalg.norm(np.cross(a, b))
         total[rows] += weight * np.abs(stretch - 1).max()
         area[rows] += weight
-    assert shown == pytest.approx(total / area, abs=1e-5)
+    return total / area
+
+
+def test_strain_is_the_stretch_of_the_surface(viewer: Viewer, touch: vs.Touch) -> None:
+    viewer.call("setColouring", "strain")
+    viewer.call("touch", TOP, (0.0, 0.003, -0.02))
+    shown = np.array(viewer.page.evaluate("() => [...viscera.display.painter.values]"))
+    assert shown == pytest.approx(strain(touch, np.reshape(viewer.state["field"], (-1, 3))), abs=1e-5)
     assert "surface strain [%]" in viewer.page.locator(".legend:visible").inner_text()
 
 

@@ -48,8 +48,9 @@ export class Painter {
         if (touching) lengths(touching.field, values);
         return this.paint("displacement", VIRIDIS, MILLIMETRES, depth);
       case "strain":
-        this.strain ??= new SurfaceStrain(evaluator.rest, evaluator.triangles);
-        if (touching) this.strain.at(touching.field, values);
+        // What a touch is about may be strained already.
+        this.strain ??= new SurfaceStrain(evaluator.rest, evaluator.triangles, evaluator.unloaded);
+        this.strain.at(touching && touching.field, values);
         return this.paint("surface strain", PLASMA, PERCENT, STRAIN);
       case "error":
         touching?.localError(order, values);

@@ -41,6 +41,8 @@ export interface Notes {
   inside?: Part[];
   axes?: string;
   is_stress_free?: boolean;
+  /** Of a model about a preload: where the surface nodes are without the load (s, 3) [m]. */
+  unloaded?: number[];
   /** Of a model for a range of a parameter: its name and unit, the value that is shown, and the range. */
   parameter?: { name: string; unit: string; value: number; range: [number, number] };
 }
@@ -149,6 +151,11 @@ export class Evaluator {
   /** What Python wrote for the page. */
   get notes(): Notes {
     return this.about.metadata.user ?? {};
+  }
+
+  /** Positions (s, 3) of the surface nodes without the load that the model is about [m]; at rest where there is none. */
+  get unloaded(): Float32Array {
+    return this.notes.unloaded ? Float32Array.from(this.notes.unloaded) : this.rest;
   }
 
   /** Length of the bounding box's diagonal [m]. */

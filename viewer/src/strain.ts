@@ -1,25 +1,26 @@
 // How much the surface is stretched: of every triangle the largest change of length in its plane, at nodes as means.
 //
-// With the edges e_k of a triangle at rest and moved, C = F^T F in its plane has the eigenvalues lambda^2, and the strain
+// With the edges e_k of a triangle without load and moved, C = F^T F in its plane has the eigenvalues lambda^2, and the strain
 // is the larger of |lambda_1 - 1| and |lambda_2 - 1|.
 
 export class SurfaceStrain {
-  /** Of each triangle: the inverse of its edges (2, 2) in an orthonormal basis of its plane at rest, and its area. */
+  /** Of each triangle without load: the inverse of its edges (2, 2) in an orthonormal basis of its plane, and its area. */
   private readonly inverse: Float64Array;
   private readonly area: Float64Array;
   private readonly around: Float64Array;
 
-  /** rest (s, 3) [m]; triangles between its rows. */
+  /** rest (s, 3) [m], and the same without the load that it may be under; triangles between their rows. */
   constructor(
     private readonly rest: Float32Array,
     private readonly triangles: Uint32Array,
+    unloaded = rest,
   ) {
     const count = triangles.length / 3;
     this.inverse = new Float64Array(3 * count);
     this.area = new Float64Array(count);
     this.around = new Float64Array(rest.length / 3);
     for (let t = 0; t < count; t++) {
-      const [aa, ab, bb] = products(rest, null, triangles, t);
+      const [aa, ab, bb] = products(unloaded, null, triangles, t);
       // Edges (length, 0) and (along, height) in the plane.
       const length = Math.sqrt(aa);
       const along = ab / length;
@@ -30,8 +31,8 @@ export class SurfaceStrain {
     }
   }
 
-  /** The strain at every node (s,) under a field (s, 3) [m]; 0 where no triangle is. */
-  at(field: Float32Array, out: Float32Array): void {
+  /** The strain at every node (s,) under a field (s, 3) [m], or under none; 0 where no triangle is. */
+  at(field: Float32Array | null, out: Float32Array): void {
     const { rest, triangles, inverse, area, around } = this;
     out.fill(0);
     for (let t = 0; t < area.length; t++) {

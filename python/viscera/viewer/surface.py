@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from viscera.mesh import Indices
 from viscera.parts import inner_parts
 from viscera.quantity import refused
 from viscera.touch import Touch
@@ -33,6 +34,7 @@ def surface_alone(touch: Touch) -> Touch:
         # The page may then multiply all stiffnesses: springs that hold the organ would stay as they are.
         "is_stress_free": touch.preload is None and not len(touch._model.array("tie_stiffness")),
         **_setting(touch),
+        **_unloaded(touch, inside),
     }
     others = {name: note for name, note in touch._notes.items() if name != "cell_sets"}
     return Touch(touch._model.surface_alone(inside.tolist()).with_user(json.dumps({**others, **shown})))
@@ -45,6 +47,15 @@ def _setting(touch: Touch) -> dict[str, Any]:
         return {}
     name = parameter["name"]
     return {"parameter": {"name": name, "unit": UNITS[name], "value": touch.value, "range": parameter["range"]}}
+
+
+def _unloaded(touch: Touch, nodes: Indices) -> dict[str, Any]:
+    """Where nodes (s,) are without the preload, from where strain counts; empty for models about rest."""
+    if touch.preload is None:
+        return {}
+    # In single precision, as the page has all positions.
+    places = (touch.points - touch.preload)[nodes]
+    return {"unloaded": [float(f"{x:.7g}") for x in places.ravel()]}
 
 
 def surface_model(touch: Touch, name: str) -> bytes:
