@@ -128,6 +128,20 @@ def test_letting_go_brings_the_organ_back(viewer: Viewer) -> None:
     viewer.page.wait_for_selector(".force-label", state="hidden")
 
 
+def test_keys_do_not_move_what_a_hand_holds(viewer: Viewer) -> None:
+    x, y = viewer.place(TOP)
+    viewer.page.mouse.move(x, y)
+    viewer.page.mouse.down()
+    viewer.page.mouse.move(x, y + 20, steps=2)
+    before = viewer.state["displacement"]
+    for key in ("ArrowUp", "+", "Enter"):
+        viewer.page.keyboard.press(key)
+    assert viewer.state["displacement"] == before
+    assert viewer.state["activity"] == "held"
+    viewer.page.mouse.up()
+    viewer.wait_for("rest")  # it stayed, as if it were kept
+
+
 def test_a_kept_touch_stays(viewer: Viewer) -> None:
     viewer.call("setKeeping", True)
     x, y = viewer.place(TOP)

@@ -21,9 +21,9 @@ export function doubtOf(answer: Answer, felt: Felt | null, depth: number, model:
   if (felt?.grip === "inside") return "the probe is inside the organ; let go and touch again";
   switch (answer.trust) {
     case "beyond-depth":
-      if (felt) return `the probe has entered by ${mm(-felt.gap)}, beyond the ${mm(Math.min(model.depth, model.radius))} that it may`;
-      const beyond = `a depth of ${mm(depth)} exceeds the ${mm(model.depth)} that this model is made for`;
-      return slipped > 0 ? `${beyond}, and the contact slips before the ${mm(slipped)} that were asked for` : beyond;
+      if (felt) return `the probe has entered by ${millimetres(-felt.gap)}, beyond the ${millimetres(Math.min(model.depth, model.radius))} that it may`;
+      const beyond = `a depth of ${millimetres(depth)} exceeds the ${millimetres(model.depth)} that this model is made for`;
+      return slipped > 0 ? `${beyond}, and the contact slips before the ${millimetres(slipped)} that were asked for` : beyond;
     case "error-too-large":
       return `the estimated error is ${percent(answer.error)} here`;
     case "no-number":
@@ -51,8 +51,4 @@ export function roomBeside(error: number, depth: number, { diagonal }: Model, ha
 /** The error allowed at a depth, as part of the diagonal (crates/touch/src/evaluate.rs). */
 function allowance(depth: number): number {
   return 0.01 + 0.04 * Math.min(Math.max((depth - 0.05) / 0.05, 0), 1);
-}
-
-function mm(length: number): string {
-  return length < 0.01 ? millimetres(length) : `${(1000 * length).toFixed(1)} mm`;
 }

@@ -189,7 +189,7 @@ export class View implements Touched, Keyed, Shared {
 
   /** Touches what lies under the middle of the canvas. */
   touchMiddle(): void {
-    const hit = this.two.isPlaying ? null : this.pointer.near(this.middle);
+    const hit = this.activity === "held" || this.two.isPlaying ? null : this.pointer.near(this.middle);
     if (!hit) return;
     this.grab(hit);
     this.activity = "kept";
@@ -199,7 +199,11 @@ export class View implements Touched, Keyed, Shared {
   nudge(right: number, up: number, inward: number): void {
     if (!this.touching) return this.touchMiddle();
     const by = [right * this.depth, up * this.depth, inward * this.depth] as const;
-    if (!this.two.isPlaying) this.activity = "kept";
+    if (!this.two.isPlaying) {
+      // A hand that holds on says itself where the contact goes.
+      if (this.activity === "held") return;
+      this.activity = "kept";
+    }
     this.move(nudged(this.stage, this.contact()!, by));
   }
 
