@@ -42,7 +42,7 @@ def test_a_grasped_patch_tells_its_force(organ: vs.Organ) -> None:
 
 @pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
 def test_without_a_matrix_every_element_carries_the_same_loads(bar: vs.Mesh, element: str) -> None:
-    law = vs.NeoHookean(young=2e5, poisson=0.48)
+    law = vs.NeoHookean(young=2e5, poisson=0.4)
     organ = vs.Organ(bar, law, fixed="root", element=element)
     loads: dict[str, Any] = {"pressure": {"tip": 2e3}, "gravity": (0, 0, -9.81), "density": 1000}
     exact = organ.solve(**loads, throw=True)
