@@ -262,6 +262,10 @@ def test_what_was_never_run_closes_at_once() -> None:
     idle.close()
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", idle.port), timeout=2)
+    with pytest.raises(vs.VisceraError, match="this server has been closed; make another one"):
+        idle.run()
+    with pytest.raises(vs.VisceraError, match="has been closed"), idle:
+        pass
 
 
 def test_only_a_model_has_the_page_of_a_model(bar: vs.Mesh, built: None, tmp_path: Path) -> None:

@@ -96,8 +96,8 @@ class Server:
         return f"http://{HOST}:{self.port}/{self._token}/"
 
     def run(self) -> None:
-        """Serve until `close` or Ctrl-C."""
-        self._has_begun = True
+        """Serve until `close` or Ctrl-C; raises `VisceraError` once it is closed."""
+        self._begin()
         try:
             self._server.serve_forever()
         finally:
@@ -115,12 +115,17 @@ class Server:
         self._door.turn_out()
 
     def __enter__(self) -> Server:
-        self._has_begun = True
+        self._begin()
         Thread(target=self._server.serve_forever, daemon=True).start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+    def _begin(self) -> None:
+        if self._door.fileno() < 0:
+            raise VisceraError("this server has been closed; make another one")
+        self._has_begun = True
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         self._door.has_spoken(connection.socket)
