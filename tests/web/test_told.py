@@ -169,6 +169,25 @@ def test_while_one_hand_holds_on_it_is_told_of(look_at: Look, organ: vs.Organ, s
         viewer.close()
 
 
+def test_a_hand_that_cannot_take_hold_anew_lets_go_on_the_page_and_in_the_stepper(
+    look_at: Look, organ: vs.Organ, server: Server
+) -> None:
+    """Whoever presses elsewhere has let go of what he held; the stepper hears of it with the next request."""
+    stepper = organ.stepper(iterations=10)
+    with stepped(PlayedStepper(lambda: stepper, "Bar").reply) as running:
+        viewer = look_at(running.url)
+        viewer.call("touch", TOP, [0.0, 0.0, -0.01])
+        settle(viewer)
+        assert len(stepper._hands) == 1
+        viewer.call("touch", (5.0, 5.0, 5.0), [0.0, 0.0, -0.01])
+        viewer.page.locator(".warning.is-shown").wait_for()
+        settle(viewer)
+        assert viewer.page.evaluate("() => viscera.told.force") is None
+        assert stepper._hands == []
+        assert np.abs(stepper.displacement).max() < 1e-4
+        viewer.close()
+
+
 def test_the_page_goes_on_until_an_organ_with_inertia_is_at_rest(
     look_at: Look, organ: vs.Organ, server: Server
 ) -> None:
