@@ -5,6 +5,9 @@ use super::problem::Problem;
 use crate::error::Error;
 use crate::linear::FactorError;
 
+/// A residual of fewer tolerances is small: what keeps it above may be rounding.
+const NEAR: f64 = 100.0;
+
 /// Why a load step was given up.
 pub(super) enum Cut {
     Inverted {
@@ -16,6 +19,7 @@ pub(super) enum Cut {
     },
     Iterations {
         residual: f64,
+        tolerance: f64,
     },
     Factor(FactorError),
     /// A tool went into the body between the samples of its surface.
@@ -125,8 +129,16 @@ impl Cut {
             Cut::NoDescent { residual } => {
                 format!("no step lowers the energy (relative residual {residual:.1e})")
             }
-            Cut::Iterations { residual } => {
-                format!("too many iterations (relative residual {residual:.1e})")
+            &Cut::Iterations { residual, tolerance } => {
+                let mut text = format!("too many iterations (relative residual {residual:.1e})");
+                if residual < NEAR * tolerance {
+                    text += &format!(
+                        "; next to Poisson's ratio 1/2 rounding may allow no less: choose a tolerance above it, such as \
+                         {:.0e} where it is {tolerance:.0e}",
+                        3.0 * residual
+                    );
+                }
+                text
             }
             Cut::Entered { tool, shape } => format!(
                 "tool {tool}, {shape}, goes into the organ between the samples of its surface; give the surface \
@@ -153,4 +165,20 @@ fn has_path(problem: &Problem) -> bool {
         value == 0.0 && (0..3).all(|i| prescribed.contains(&(dof / 3 * 3 + i, 0.0)))
     };
     patches.is_empty() && prescribed.iter().all(is_held)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_residual_next_to_the_tolerance_is_told_as_what_rounding_may_leave() {
+        let sentence = |residual| Cut::Iterations { residual, tolerance: 1e-9 }.sentence();
+        let near = sentence(1.1e-9);
+        assert!(
+            near.ends_with("choose a tolerance above it, such as 3e-9 where it is 1e-9"),
+            "{near}"
+        );
+        assert_eq!(sentence(1e-3), "too many iterations (relative residual 1.0e-3)");
+    }
 }

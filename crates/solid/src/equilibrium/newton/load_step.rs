@@ -75,7 +75,7 @@ impl<'a> Run<'a> {
         let mut step = LoadStep::new(self, load);
         let stop = iterate(&mut step, limits)?;
         if stop != Stop::Converged {
-            return Err(Cut::Iterations { residual: step.norm });
+            return Err(Cut::Iterations { residual: step.norm, tolerance: limits.tolerance });
         }
         if step.run.contact.was_out_of_reach() && step.run.tried > FINE {
             return Err(Cut::OutOfReach);
