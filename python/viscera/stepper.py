@@ -184,10 +184,11 @@ class Stepper:
         """Show the organ in a notebook, stepped in the kernel by up to two hands on the page, or from Python.
 
         Needs `pip install anywidget`. `widget.touch(point, displacement)` [m] holds the patch around a surface
-        point and steps until it has settled; `widget.release()` lets go. `widget.point`, `widget.displacement`,
-        `widget.force` and `widget.is_trusted` follow each touch: `widget.observe(handler, "force")`. Frames of the page
-        apply no load except the hands. Tools that the stepper has by now are shown, where they are, as are the bodies
-        and springs of a `Scene`. name: shown above the organ; height: of the view, in pixels.
+        point and steps until it has settled, with inertia until the organ rests; `widget.release()` lets go.
+        `widget.point`, `widget.displacement`, `widget.force` and `widget.is_trusted` follow each touch:
+        `widget.observe(handler, "force")`. Frames of the page apply no load except the hands. Tools that the stepper
+        has by now are shown, where they are, as are the bodies and springs of a `Scene`. name: shown above the organ;
+        height: of the view, in pixels.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
