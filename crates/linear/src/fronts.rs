@@ -1,4 +1,4 @@
-//! Numeric Cholesky factorisation front by front (Duff and Reid 1983): every supernode, with what its children in the
+//! Numeric factorisation front by front (Duff and Reid 1983), `L Lᵀ` or `L S Lᵀ` with the signs of the pivots: every supernode, with what its children in the
 //! elimination tree leave to it, is a small dense matrix, of which its own columns are eliminated and the rest is
 //! left to its parent.
 //!

@@ -2,7 +2,8 @@
 //! the inertia of `A` (Sylvester): the number of negative ones counts the unstable modes of an equilibrium.
 //!
 //! Pivots are taken in elimination order without exchange, so a factor is not always accurate: its growth is
-//! checked once per factorisation, and the residual of every solution, which a refinement repairs if need be.
+//! checked once per factorisation, and the residual of every solution, which a refinement repairs if need be. As in
+//! [`Cholesky`], factors are made front by front or, where they are large, by faer; in fronts, `D` is the signs alone.
 
 use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::ldlt::factor::{LdltError, LdltRegularization};
