@@ -54,7 +54,7 @@ class Frame(Deformed, Pictured):
     taken: float
     """Part of the step that was taken: below 1 if a cell would have been crushed or torn. Hands moved only so far."""
     is_unstable: bool
-    """Whether the tangent was not positive definite, as in an organ that is about to buckle."""
+    """Whether the last tangent of the frame was not positive definite, as in an organ that is about to buckle."""
     iterations: int
     """Iterations of conjugate gradients; 0 with a direct solver."""
     is_solved: bool

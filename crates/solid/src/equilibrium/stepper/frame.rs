@@ -37,7 +37,7 @@ pub struct Frame {
     pub cells_at_bound: usize,
     /// Part of the step taken: 1, or less if a cell would have been crushed or torn.
     pub taken: f64,
-    /// Whether the tangent was not positive definite: the state is not stable.
+    /// Whether the last tangent of the frame was not positive definite: the state is not stable.
     pub is_unstable: bool,
     /// Iterations of the linear solver; 0 for a direct one.
     pub iterations: usize,

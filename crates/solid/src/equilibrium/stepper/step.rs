@@ -125,7 +125,8 @@ impl Iteration for FrameIteration<'_> {
         let FrameIteration { stepper, body, input, deadline, progress, .. } = self;
         let (number, before) = (progress.steps, progress.residual);
         let (is_unstable, solved) = stepper.find_step(body, input, number, *deadline)?;
-        progress.is_unstable |= is_unstable;
+        // Tangents on the way say nothing of where the frame ends.
+        progress.is_unstable = is_unstable;
         progress.iterations += solved.iterations;
         progress.is_solved &= solved.is_complete;
         progress.floor = progress.floor.max(solved.floor);
