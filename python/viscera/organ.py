@@ -19,6 +19,7 @@ from viscera.loads import Density, Displacements, Forces, Pressures, Tractions, 
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.navigation import Unloaded
 from viscera.progress import Progress, shown
+from viscera.quantity import refused
 from viscera.reducible import Reducible
 from viscera.solver import Solver
 from viscera.state import State
@@ -71,7 +72,9 @@ class Organ(Statics, Reducible):
         )
 
     def with_mesh(self, mesh: Mesh) -> Organ:
-        """The same law, fixed nodes and element on another mesh with the same numbers of nodes and cells.
+        """The same law, fixed nodes and element in another shape: a mesh with the same cells and other points.
+
+        Raises `VisceraError` for a mesh with other numbers of nodes or cells, or whose cells join other nodes.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -79,6 +82,7 @@ class Organ(Statics, Reducible):
         >>> beam.with_mesh(longer).mesh.diagonal / beam.mesh.diagonal
         2.0
         """
+        require_same_cells(self.mesh, mesh)
         supports = [support.on(self.mesh) for support in self.supports]
         return Organ(mesh, self.law, fixed=self.fixed, element=self._chosen_element, supports=supports)
 
@@ -285,6 +289,25 @@ class Organ(Statics, Reducible):
         from viscera import casefile
 
         return casefile.write(self, path, loads=loads, scan=scan, settings=settings, reduction=reduction)
+
+
+def require_same_cells(own: Mesh, other: Mesh) -> None:
+    """Raise `VisceraError` unless nodes and cells are numbered alike: fixed nodes and laws by cell go by number."""
+    if not isinstance(other, Mesh):
+        raise refused("the mesh", "a viscera.Mesh with the same cells", other)
+    counts = [(mesh.n_corners, len(mesh.cells)) for mesh in (own, other)]
+    if counts[0] != counts[1]:
+        (nodes, cells), (other_nodes, other_cells) = counts
+        raise VisceraError(
+            f"the mesh has {other_nodes} nodes and {other_cells} cells, and that of the organ {nodes} and {cells}: "
+            "fixed nodes go by their numbers; make a new Organ for another mesh"
+        )
+    joined = [np.sort(mesh.cells, axis=1) for mesh in (own, other)]  # a mirrored mesh has its cells turned round
+    if len(others := np.flatnonzero((joined[0] != joined[1]).any(axis=1))):
+        raise VisceraError(
+            f"cell {others[0]} of the mesh joins the nodes {joined[1][others[0]].tolist()}, and that of the organ "
+            f"{joined[0][others[0]].tolist()}: fixed nodes go by their numbers; make a new Organ for another mesh"
+        )
 
 
 def _again(mesh: Mesh, law: Law, fixed: Indices, element: str | None, supports: Sequence[Tied]) -> Organ:

@@ -18,7 +18,7 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.joined import joined_law, joined_mesh, law_of, numbers_of, renumbered
 from viscera.loads import faces_within
 from viscera.mesh import Floats, Indices, Mesh, Where
-from viscera.organ import Organ
+from viscera.organ import Organ, require_same_cells
 from viscera.quantity import refuse_twice, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
@@ -123,7 +123,7 @@ class Scene(Organ):
         return Scene(organs, self._bodies, self.bonds, self.contacts)
 
     def with_mesh(self, mesh: Mesh) -> Scene:
-        """The same scene where its organs have another shape, that of a mesh with the same numbers of nodes and cells.
+        """The same scene where its organs have another shape: that of a mesh with the same cells, as for an `Organ`.
 
         Bonds join what they join here, and are without stress there.
 
@@ -134,6 +134,7 @@ class Scene(Organ):
         >>> scene.with_mesh(longer).organ("beam").mesh.diagonal / beam.mesh.diagonal
         2.0
         """
+        require_same_cells(self.mesh, mesh)
         organs = {}
         for name, organ in self.organs.items():
             points = mesh.points[self._numbers[name][: organ.mesh.n_corners]]

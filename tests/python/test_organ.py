@@ -253,6 +253,25 @@ def test_a_state_of_another_mesh_is_no_start(clamped: Organ, cube: vs.Mesh) -> N
         clamped.solve(start=other)
 
 
+def test_another_shape_has_the_same_cells(clamped: Organ, bar: vs.Mesh, cube: vs.Mesh) -> None:
+    counts = (
+        f"the mesh has {len(cube.points)} nodes and {len(cube.cells)} cells, and that of the organ "
+        f"{len(bar.points)} and {len(bar.cells)}: fixed nodes go by their numbers"
+    )
+    scene = vs.Scene({"bar": clamped})
+    for held in (clamped, scene):
+        with pytest.raises(vs.VisceraError, match=counts):
+            held.with_mesh(cube)
+        with pytest.raises(vs.VisceraError, match=r"the mesh must be a viscera\.Mesh"):
+            held.with_mesh("liver")  # type: ignore[arg-type]
+    backwards = vs.mesh(bar.points[::-1], len(bar.points) - 1 - bar.cells)
+    with pytest.raises(vs.VisceraError, match=r"cell 0 of the mesh joins the nodes \[.*\], and that of the organ \["):
+        clamped.with_mesh(backwards)
+    mirrored = clamped.with_mesh(vs.mesh(bar.points * [1, -1, 1], bar.cells, bar.sets))
+    load = {"tip": (0, 0, -1.0)}
+    assert mirrored.solve(force=load).energy == pytest.approx(clamped.solve(force=load).energy, rel=1e-9)
+
+
 def test_the_law_must_fit_the_mesh(cube: vs.Mesh) -> None:
     with pytest.raises(vs.VisceraError, match="parameters for 2 cells, the mesh has 48"):
         Organ(cube, vs.NeoHookean(young=[1.0, 2.0], poisson=0.3), fixed="bottom")
