@@ -19,7 +19,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Number, Whole, refused
-from viscera.state import State
+from viscera.state import State, refuse_other_points
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
@@ -78,11 +78,12 @@ class Unloaded:
         """
         if not isinstance(state, State):
             raise refused("the state to count from the scan", "a State of the unloaded organ", state)
-        if not np.array_equal(state.mesh.points, self.organ.mesh.points):
-            raise VisceraError(
-                "the state to count from the scan is not one of the unloaded organ: its mesh has other points; solve "
-                "with `organ` of this result, as in rest.from_scan(rest.organ.solve(...))"
-            )
+        refuse_other_points(
+            state.mesh,
+            self.organ.mesh,
+            "the state to count from the scan is not one of the unloaded organ",
+            "solve with `organ` of this result, as in rest.from_scan(rest.organ.solve(...))",
+        )
         seen = copy.copy(state)
         seen.mesh = self.scan
         scanned = self.organ.mesh.points + self.state.displacement
@@ -161,7 +162,7 @@ class _Search:
                 organ = self.at(X)
             except VisceraError as overlap:  # of organs
                 return f"without the loads, {str(overlap).partition('. ')[0]}"
-            start = state if np.isfinite(organ._body.energy(state.displacement)) else None
+            start = state.displacement if np.isfinite(organ._body.energy(state.displacement)) else None
             state = organ.solve(**loads, start=start, settings=TIGHT)
             if not state.is_converged:
                 return f"the loads cannot be applied again ({state.message})"

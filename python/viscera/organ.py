@@ -146,6 +146,9 @@ class Organ(Statics, Reducible):
     def moved(self, displacement: State | Frame | ArrayLike) -> Moved:
         """The organ under any displacement (n, 3) [m] from rest, such as one of a `path`: stress, files and probes.
 
+        Of a state that counts from a scan, the displacement from the unloaded shape is taken. Raises `VisceraError` for
+        a state of an organ of another shape.
+
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
@@ -153,7 +156,7 @@ class Organ(Statics, Reducible):
         >>> f"{half.von_mises().max():.0f} Pa"
         '2831 Pa'
         """
-        given = displacement_of(displacement, self.mesh)
+        given = displacement_of(displacement, self.mesh, "the displacement of `moved`", "the state given to `moved`")
         return Moved(self, np.zeros_like(self.mesh.points) if given is None else given)
 
     @shown

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from viscera.organ import Organ
 
 
+SAME = 1e-9
+"""Part of the diagonal by which points may differ and still count as the same: files and sums round them."""
+
+
 class State(Deformed, Pictured):
     """An equilibrium, or the last one found before a solve failed (`is_converged`, `status`, `message`, `load`).
 
@@ -212,3 +216,10 @@ class State(Deformed, Pictured):
 
     def __repr__(self) -> str:
         return f"State({self.status}, load={self.load:g}, max_displacement={self.max_displacement:g} m)"
+
+
+def refuse_other_points(its: Mesh, mesh: Mesh, said: str, advice: str) -> None:
+    """Raise `VisceraError` if a state of the mesh `its` is none of `mesh`, where its strain would be another."""
+    is_same = its.points.shape == mesh.points.shape
+    if not is_same or np.abs(its.points - mesh.points).max() > SAME * mesh.diagonal:
+        raise VisceraError(f"{said}: its mesh has other points; {advice}")

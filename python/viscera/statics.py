@@ -29,7 +29,7 @@ from viscera.progress import Progress, shown
 from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
 from viscera.shapes import AnyShape
 from viscera.solver import Solver, core_solver, newton_settings
-from viscera.state import State
+from viscera.state import State, refuse_other_points
 from viscera.support import require_held
 from viscera.supported import Supported
 
@@ -188,16 +188,23 @@ class Statics(Supported):
         return np.zeros_like(self.mesh.points) if applied is None else applied
 
 
-def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floats | None:
-    """The displacement (n, 3) [m] of a state to start from; None for rest."""
+def displacement_of(
+    start: State | Frame | ArrayLike | None, mesh: Mesh, what: str = "start", call: str = "the state to start from"
+) -> Floats | None:
+    """The displacement (n, 3) [m] from rest of a state, which errors call `what` and `call`; None for rest."""
     if start is None:
         return None
-    given = numbers_of(start.displacement if isinstance(start, State | Frame) else start)
+    organ, known = start._from_rest() if isinstance(start, State | Frame) else (None, start)
+    given = numbers_of(known)
     if given is None or given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
-        raise refused("start", "a State, a Frame or a finite displacement (n, 3) [m]", start)
+        raise refused(what, "a State, a Frame or a finite displacement (n, 3) [m]", start)
     if given.shape != mesh.points.shape:
         raise VisceraError(
-            f"the state to start from belongs to another mesh: its displacement has shape {given.shape}, "
+            f"{call} belongs to another mesh: its displacement has shape {given.shape}, "
             f"this mesh needs {mesh.points.shape}"
+        )
+    if organ is not None:
+        refuse_other_points(
+            organ.mesh, mesh, f"{call} is not one of this organ", "take the organ that it was solved with"
         )
     return given

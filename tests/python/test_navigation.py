@@ -211,6 +211,40 @@ def test_a_state_of_another_organ_is_not_counted_from_the_scan(bar: vs.Mesh) -> 
         rest.from_scan(frame)
 
 
+def test_a_state_moves_and_starts_only_the_organ_that_it_belongs_to(bar: vs.Mesh) -> None:
+    scan = vs.Organ(bar, vs.NeoHookean(young=4e5, poisson=0.3), fixed="root")
+    rest = scan.unloaded(gravity=DOWN, density=DENSITY)
+    aside: dict[str, Any] = {"gravity": ASIDE, "density": DENSITY}
+    side = rest.organ.solve(**aside, start=rest.state)
+    seen = rest.from_scan(side)
+    frame = rest.organ.stepper().frame()
+    moved = r"the state given to `moved` is not one of this organ: its mesh has other points"
+    started = r"the state to start from is not one of this organ: its mesh has other points"
+    for given, state in ((scan, seen), (scan, rest.state), (rest.organ, scan.solve()), (scan, frame)):
+        with pytest.raises(vs.VisceraError, match=moved):
+            given.moved(state)
+        for start in (given.solve, given.stepper):
+            with pytest.raises(vs.VisceraError, match=started):
+                start(start=state)
+    with pytest.raises(vs.VisceraError, match="the displacement of `moved` must be a State, a Frame or"):
+        scan.moved("side")
+    assert np.array_equal(rest.organ.moved(seen).displacement, side.displacement), "from rest, not from the scan"
+    assert np.array_equal(rest.organ.moved(seen).stress(), side.stress())
+    assert np.array_equal(rest.organ.stepper(start=seen).displacement, side.displacement)
+    again = rest.organ.solve(**aside, start=seen)
+    assert again.iterations <= 1
+    assert again.displacement == pytest.approx(side.displacement, abs=1e-7)
+
+
+def test_a_state_may_start_an_organ_read_from_its_file(bar: vs.Mesh, tmp_path: Path) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=4e5, poisson=0.3), fixed="root")
+    state = organ.solve(gravity=DOWN, density=DENSITY)
+    read = organ.to_case(tmp_path / "bar.toml").organ()
+    touched = organ.reduce("tip", depth="2%", order=2, start=state).organ()  # its points are sums, rounded
+    for again in (read, touched):
+        assert np.array_equal(again.moved(state).displacement, state.displacement)
+
+
 @pytest.mark.parametrize("element", ["P1", "P2"])
 def test_the_scanned_posture_is_no_displacement_at_midpoints_either(bar: vs.Mesh, element: str) -> None:
     """They are bent away from the straight edges between the corners that the scan shows."""
