@@ -46,7 +46,7 @@ class Response:
         """Stress (m, q, 3, 3) [Pa]."""
         Choice(STRESSES)(measure, "the stress")
         if measure == "pk1" or self.is_linear:
-            return self.pk1
+            return self._require_values()
         if measure == "pk2":
             self._require_upright()
             return np.asarray(np.linalg.solve(self.gradient, self.pk1))
@@ -105,15 +105,31 @@ class Response:
         """Cells (m,) of which a point has no positive volume ratio."""
         return np.asarray(~(self.volume_ratio > 0.0).all(axis=1))
 
+    @cached_property
+    def without_value(self) -> NDArray[np.bool_]:
+        """Cells (m,) of which a point has no stress."""
+        return np.asarray(~np.isfinite(self.pk1).all(axis=(1, 2, 3)))
+
     def _require_upright(self) -> Floats:
         J = self.volume_ratio
         if not (J > 0.0).all():
             cell, point = np.unravel_index(int(np.argmin(J)), J.shape)
+            instead = "the strain 'green'" if self.without_value.any() else "'pk1' or 'green'"
             raise VisceraError(
                 f"cell {cell} is inverted (J = {J[cell, point]:.3g}), so this measure is not defined; "
-                "take 'pk1' or 'green', or load the organ less"
+                f"take {instead}, or load the organ less"
             )
         return J
+
+    def _require_values(self) -> Floats:
+        """The stress P, which most laws do not have in an inverted cell: ln J and powers of J end there."""
+        if self.without_value.any():
+            cell = int(np.argmax(self.without_value))
+            raise VisceraError(
+                f"the law has no stress in cell {cell} (J = {self.volume_ratio[cell].min():.3g}); "
+                "take the strain 'green', or load the organ less"
+            )
+        return self.pk1
 
 
 def principal(tensor: Floats) -> Floats:

@@ -172,6 +172,33 @@ def test_what_is_refused(cube: vs.Mesh) -> None:
     assert frame.strain().shape == (48, 3, 3)
 
 
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
+@pytest.mark.parametrize("has_value", [False, True])
+def test_where_the_law_has_no_stress_none_is_given(
+    cube: vs.Mesh, tmp_path: Path, element: str, has_value: bool
+) -> None:
+    """ln J and powers of J end at an inverted cell; the corotated law has a value there."""
+    law = (vs.Corotated if has_value else vs.NeoHookean)(young=1e4, poisson=0.3)
+    organ = vs.Organ(cube, law, fixed="bottom", element=element)
+    u = np.zeros_like(organ.mesh.points)
+    u[organ.mesh.nodes("corner")] = -0.09
+    inverted, instead = organ.moved(u), "'pk1'" if has_value else "the strain 'green'"
+    with pytest.raises(vs.VisceraError, match=r"cell \d+ is inverted .*; take " + instead):
+        inverted.stress("cauchy")
+    for at in ("cells", "nodes", "points"):
+        if has_value:
+            assert np.isfinite(inverted.stress("pk1", at)).all()
+            continue
+        with pytest.raises(
+            vs.VisceraError, match=r"the law has no stress in cell \d+ \(J = -.*; take the strain 'green'"
+        ):
+            inverted.stress("pk1", at)
+    inverted.write(tmp_path / "inverted.vtu")
+    written = meshio.read(tmp_path / "inverted.vtu").cell_data
+    assert set(written) == ({"green_strain", "energy_density"} if has_value else {"green_strain"})
+    assert all(np.isfinite(block).all() for field in written.values() for block in field)
+
+
 @pytest.mark.parametrize("ending", [".vtu", ".vtk", ".msh"])
 def test_files_hold_stress_and_strain(cube: vs.Mesh, tmp_path: Path, ending: str) -> None:
     state = sheared(cube, LAWS[0], "P2")
