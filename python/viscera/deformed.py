@@ -17,6 +17,7 @@ from viscera.quantity import Choice, numbers_of, refused
 from viscera.select import has_words
 from viscera.select import point as point_of
 from viscera.stress import STRAINS, STRESSES, Response, corner_values, pressure, von_mises
+from viscera.ties import Tied, Ties
 
 if TYPE_CHECKING:
     import os
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from viscera.grid import Field
     from viscera.organ import Organ
     from viscera.scan import Scan
-    from viscera.ties import Tied
 
 
 class Deformed:
@@ -129,6 +129,7 @@ class Deformed:
         """
         organ, displacement = self._from_rest()
         its = [ties for own, ties in zip(organ.supports, organ._tied, strict=True) if own.is_same(support)]
+        its = its or _among_those_of_a_model(support, organ)
         if not its:
             raise VisceraError(f"{support!r} is no elastic support of this organ; see the `supports` it was made with")
         if any(ties.surfaces for ties in its):
@@ -367,3 +368,17 @@ def _interpolated(mesh: Mesh, field: Floats, cells: NDArray[np.int64], weights: 
     edges = [4.0 * weights[:, a] * weights[:, b] for a, b in EDGES]
     shapes = np.column_stack([weights * (2.0 * weights - 1.0), *edges])
     return np.asarray(np.einsum("ka,kai->ki", shapes, field[nodes]))
+
+
+def _among_those_of_a_model(support: Tied | Bond, organ: Organ) -> list[Ties]:
+    """A model keeps the samples of all its supports together; those of this one, if they are among them."""
+    kept = [own for own in organ.supports if isinstance(own, Ties)]
+    if not kept:
+        return []
+    own = support.ties(organ.mesh) if isinstance(support, Tied) else None
+    if own is None or not any(each.holds(own) for each in kept):
+        raise VisceraError(
+            f"{support!r} is not found among the supports of this model, which keeps them all together; "
+            "`answer.support_force(touch.organ().supports[0])` tells the force of all"
+        )
+    return [own]

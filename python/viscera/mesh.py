@@ -295,6 +295,11 @@ def mesh(
     return _checked(RawMesh(_array(points, "points", "rows of three numbers (n, 3)"), corners, named, parts))
 
 
+def known(points: Floats, cells: Indices, sets: dict[str, Indices], cell_sets: dict[str, Indices]) -> Mesh:
+    """As `mesh`, of one that a model was made with: what may be doubted of it was told then."""
+    return _checked(RawMesh(points, cells, sets, cell_sets), is_new=False)
+
+
 def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     """Reads a mesh file: VTU, legacy VTK, Gmsh (1, 2.2, 4.1), Medit, Abaqus, FEBio.
 
@@ -319,7 +324,7 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     return found
 
 
-def _checked(raw: RawMesh) -> Mesh:
+def _checked(raw: RawMesh, *, is_new: bool = True) -> Mesh:
     points, cells = arrays(raw)
     facts = _core.inspect(points, cells)
     found = faults(facts)
@@ -332,7 +337,7 @@ def _checked(raw: RawMesh) -> Mesh:
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
         messages.append(f"turned round {len(inverted)} of {len(cells)} cells that were inverted")
         log.info(messages[-1])
-    for doubt in doubts(points, cells, facts):
+    for doubt in doubts(points, cells, facts) if is_new else ():
         messages.append(doubt)
         log.warning(doubt)
     sets = {name: _read_only(indices_of(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}

@@ -74,8 +74,11 @@ def inner_parts(mesh: Mesh) -> dict[str, Indices]:
 
 
 def notes(mesh: Mesh) -> dict[str, Any]:
-    """What a model file keeps of a mesh under `user`: cell sets as bits, one for each cell, and the anatomical axes."""
+    """What a model file keeps of a mesh under `user`: sets as bits, one for each corner or cell, and the world axes."""
     kept: dict[str, Any] = {}
+    corners = {name: nodes[nodes < mesh.n_corners] for name, nodes in mesh.sets.items()}
+    if corners:
+        kept["sets"] = {name: _packed(nodes, mesh.n_corners) for name, nodes in corners.items()}
     if mesh.cell_sets:
         kept["cell_sets"] = {name: _packed(cells, len(mesh.cells)) for name, cells in mesh.cell_sets.items()}
     if mesh.axes:
@@ -88,12 +91,17 @@ def cell_sets(user: Mapping[str, Any], cells: int) -> dict[str, Indices]:
     return {name: _unpacked(text, cells) for name, text in user.get("cell_sets", {}).items()}
 
 
-def _packed(members: Indices, cells: int) -> str:
-    is_member = np.zeros(cells, dtype=bool)
+def node_sets(user: Mapping[str, Any], corners: int) -> dict[str, Indices]:
+    """The node sets of such notes; none in files of earlier versions."""
+    return {name: _unpacked(text, corners) for name, text in user.get("sets", {}).items()}
+
+
+def _packed(members: Indices, count: int) -> str:
+    is_member = np.zeros(count, dtype=bool)
     is_member[members] = True
     return base64.b64encode(zlib.compress(np.packbits(is_member).tobytes(), 9)).decode()
 
 
-def _unpacked(text: str, cells: int) -> Indices:
+def _unpacked(text: str, count: int) -> Indices:
     bits = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8)
-    return np.flatnonzero(np.unpackbits(bits, count=cells)).astype(np.uint32)
+    return np.flatnonzero(np.unpackbits(bits, count=count)).astype(np.uint32)

@@ -12,8 +12,8 @@ import numpy as np
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.mesh import Floats, Indices, Mesh, mesh
-from viscera.parts import cell_sets
+from viscera.mesh import Floats, Indices, Mesh, known
+from viscera.parts import cell_sets, node_sets
 
 
 class Stored:
@@ -69,8 +69,9 @@ class Stored:
                 "metres; for the mesh and what lies inside take the file that it was exported from"
             )
         free = self.points if self.preload is None else self.points - self.preload
-        parts = cell_sets(self._notes, len(cells))
-        linear = replace(mesh(free[: int(cells.max()) + 1], cells, cell_sets=parts), axes=self._notes.get("axes", ""))
+        corners = free[: int(cells.max()) + 1]
+        sets, parts = node_sets(self._notes, len(corners)), cell_sets(self._notes, len(cells))
+        linear = replace(known(corners, cells, sets, parts), axes=self._notes.get("axes", ""))
         return linear.quadratic() if self.element == "P2" else linear
 
     @property

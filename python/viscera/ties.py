@@ -109,6 +109,16 @@ class Ties:
         stretch = np.add.reduceat(self.weights[:, None] * displacement[self.nodes], self.start[:-1].astype(np.int64))
         return np.asarray(pull - np.einsum("sij,sj->i", self.stiffness.reshape(-1, 3, 3), stretch))
 
+    def holds(self, other: Ties) -> bool:
+        """Whether all samples of another are among these, as those of one support are among those of all."""
+        return not other.links and not other.surfaces and other._samples() <= self._samples()
+
+    def _samples(self) -> set[tuple[bytes, ...]]:
+        ends = self.start[1:-1].astype(np.int64)
+        nodes, weights = (np.split(each, ends) for each in (self.nodes, self.weights))
+        each = zip(nodes, weights, self.stiffness, strict=True)
+        return {(own.tobytes(), weight.tobytes(), k.tobytes()) for own, weight, k in each}
+
     def ties(self, mesh: Mesh) -> Ties:
         """These, whatever the mesh: ties that a model file keeps are among the supports of its organ."""
         return self

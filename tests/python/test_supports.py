@@ -131,6 +131,42 @@ def test_a_model_keeps_its_supports(tmp_path: Path) -> None:
         organ.register(landmarks={"top": (0.05, 0.05, SIDE)})
 
 
+def test_an_answer_tells_the_force_of_each_support(tmp_path: Path) -> None:
+    """A model keeps the samples of all together, and finds those of one among them; a place may be a set."""
+    below, side = bed(tangential=0.3 * SPRING), vs.ElasticSupport("x < 1%", 0.2 * SPRING)
+    organ = vs.Organ(block(), TISSUE, supports=[below, side])
+    touch = organ.reduce("top", depth="4%", order=2)
+    touch.save(tmp_path / "block.viscera")
+    for model in (touch, vs.load(tmp_path / "block.viscera")):
+        answer = model((0.05, 0.05, SIDE), (0.001, 0.0, -0.002))
+        moved = organ.moved(answer.displacement)
+        for one in (below, side):
+            assert answer.support_force(one) == pytest.approx(moved.support_force(one), rel=1e-9)
+        all_of_them = answer.support_force(model.organ().supports[0])
+        assert all_of_them == pytest.approx(answer.support_force(below) + answer.support_force(side))
+        with pytest.raises(vs.VisceraError, match="not found among the supports of this model"):
+            answer.support_force(bed(2.0 * SPRING))
+
+
+def test_the_model_of_a_bonded_scene_is_not_told_to_merge_its_organs(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """And it knows the places of its organs by name."""
+    lower = block()
+    upper = vs.mesh(lower.points + np.array([0.0, 0.0, SIDE]), lower.cells, lower.sets)
+    organs = {
+        "lower": vs.Organ(lower, TISSUE, fixed="base"),
+        "upper": vs.Organ(upper, TISSUE, supports=[vs.ElasticSupport("west", 1e-3 * SPRING)]),
+    }
+    scene = vs.Scene(organs, bonds=[vs.Bond(("lower", "top"), ("upper", "base"))])
+    scene.reduce("upper/top", depth="4%", order=2).save(tmp_path / "two.viscera")
+    caplog.clear()
+    model = vs.load(tmp_path / "two.viscera")
+    state = model.organ().solve(force={"upper/top": (0, 0, -1.0)})
+    assert state.reaction("lower/base") == pytest.approx([0.0, 0.0, 1.0], abs=0.01)
+    assert "merge" not in caplog.text
+
+
 def test_the_page_of_a_supported_organ_answers_alike() -> None:
     """Its nodes are those of the surface, whatever the order of all nodes; it may not be made stiffer as a whole."""
     mesh = block()

@@ -36,7 +36,7 @@ def surface_alone(touch: Touch) -> Touch:
         **_setting(touch),
         **_unloaded(touch, inside),
     }
-    others = {name: note for name, note in touch._notes.items() if name != "cell_sets"}
+    others = {name: note for name, note in touch._notes.items() if name not in ("sets", "cell_sets")}
     return Touch(touch._model.surface_alone(inside.tolist()).with_user(json.dumps({**others, **shown})))
 
 
