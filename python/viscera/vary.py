@@ -13,7 +13,7 @@ import numpy as np
 
 from viscera import defaults
 from viscera.errors import VisceraError
-from viscera.law import Law, TwoModuli, from_core
+from viscera.law import LAWS, Law, TwoModuli, from_core
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Choice, Number, Whole
 from viscera.select import length
@@ -31,6 +31,8 @@ NODES = Whole(2, 12)
 @dataclass(frozen=True)
 class Vary:
     """A range of "young" [Pa], "poisson" or the contact "radius" [m], in the whole organ or in a part of it.
+
+    Poisson's ratio varies in laws of two moduli, such as `NeoHookean`; others keep coefficients and a bulk modulus.
 
     >>> import viscera as vs
     >>> nodes = vs.Vary("young", 1e3, 1e5, nodes=3).values
@@ -184,7 +186,11 @@ def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law
     changed = from_core(law.name, everywhere[inside])
     if name == "poisson":
         if not isinstance(law, TwoModuli):
-            raise VisceraError(f"{type(law).__name__} is not made from a Poisson's ratio; vary its young")
+            raise VisceraError(
+                f"{type(law).__name__} is not made from a Poisson's ratio alone, but keeps coefficients [Pa] and a "
+                "bulk modulus, even where it was given one; vary its young, or take one of the laws made from it: "
+                f"{', '.join(name for name, kind in LAWS.items() if issubclass(kind, TwoModuli))}"
+            )
         everywhere[inside] = type(law)(young=_of(changed, "young"), poisson=value).parameters
     else:
         columns = np.array(changed.stresses)

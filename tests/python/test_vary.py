@@ -124,6 +124,12 @@ def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
     assert ogden.parameters[0, 3] == 3.0, "an exponent is no stress"
     with pytest.raises(vs.VisceraError, match="MooneyRivlin is not made from a Poisson's ratio"):
         law_at(changed, "poisson", 0.4, cells, 192)
+    organ = vs.Organ(bar, vs.Yeoh(c10=500.0, poisson=0.4), fixed="root")
+    told = (
+        "Yeoh .* keeps coefficients .* even where it was given one; vary its young, or take .*: Linear, .* NeoHookean"
+    )
+    with pytest.raises(vs.VisceraError, match=told):
+        organ.reduce(**TOP, vary=vs.Vary("poisson", 0.3, 0.42, nodes=2))
 
 
 def test_a_range_that_ends_where_cells_lock_has_an_element_that_does_not(
