@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from viscera import statefile
-from viscera.atomic import replacing
+from viscera.atomic import Name, made_folder, replacing, writable
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.quantity import path_of
 
 Frame = tuple[float, Mapping[str, Floats]] | tuple[float, Mapping[str, Floats], Mapping[str, Floats]]
 """A moment, its point data by name, and its cell data."""
 
 
+def in_folder(folder: Name, name: str) -> Path:
+    """The path of a file in a folder, which is made if it is missing; the one that it lies in must exist."""
+    target = path_of(folder, "the folder")
+    if not os.path.isdir(target.parent):
+        raise VisceraError(f"{target}: the folder {str(target.parent)!r} does not exist; create it first")
+    return made_folder(target) / name
+
+
 def write_series(path: Path, mesh: Mesh, frames: Sequence[Frame]) -> list[Path]:
-    """Write NAME.pvd and beside it NAME_0000.vtu, ..., the folder being made where it is missing; all their paths.
+    """Write NAME.pvd and beside it NAME_0000.vtu, ...; all their paths.
 
     Points are at rest [m]; ParaView's filter Warp By Vector deforms them.
     """
@@ -26,7 +36,7 @@ def write_series(path: Path, mesh: Mesh, frames: Sequence[Frame]) -> list[Path]:
         raise VisceraError(f"{path}: a time series is listed in a .pvd file; name one")
     if not frames:
         raise VisceraError(f"{path}: there is no moment to write")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    writable(path)
     files = []
     for index, (_, data, *cells) in enumerate(frames):
         target = path.with_name(f"{path.stem}_{index:04d}.vtu")

@@ -22,10 +22,11 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.progress import Progress
-from viscera.quantity import Number, path_of
+from viscera.quantity import Number
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
+    from viscera.law import Law
     from viscera.organ import Organ
 
 FACTOR = Number()
@@ -68,6 +69,8 @@ class Pgd:
     """The separated series of a load at any position of a surface. Made by `Organ.pgd`."""
 
     mesh: Mesh
+    law: Law
+    """The law of the organ."""
     load: float
     """The load [N] at a = 1; positive along the inward normal."""
     radius: float
@@ -137,21 +140,38 @@ class Pgd:
         return replace(self, orders=orders)
 
     def errors(self, truth: Pgd, a: float = 1.0, order: int | None = None) -> Floats:
-        """|u - u_truth| / |u_truth| (m,) of each position, both summed to the same order at load factor a."""
-        if truth.positions.tolist() != self.positions.tolist() or truth.mesh.points.shape != self.mesh.points.shape:
-            raise VisceraError("the two models are of different meshes or positions")
-        order = self._order(order)
+        """|u - u_truth| / |u_truth| (m,) of each position, both summed to the same order at load factor a.
+
+        Raises `VisceraError` unless both are models of one load on one organ: of the same mesh, positions and law.
+        """
+        self._require_same_load(truth)
+        order = truth._order(self._order(order))
         exact, ours = truth._table(a, order), self._table(a, order)
         return np.asarray(np.linalg.norm(ours - exact, axis=1) / np.linalg.norm(exact, axis=1))
+
+    def _require_same_load(self, truth: Pgd) -> None:
+        pairs = (self.positions, truth.positions), (self.mesh.points, truth.mesh.points)
+        if not all(np.array_equal(*pair) for pair in pairs):
+            raise VisceraError("the two models are of different meshes or positions")
+        for name, mine, other in (("loads", self.load, truth.load), ("radii", self.radius, truth.radius)):
+            if mine != other:
+                unit = "N" if name == "loads" else "m"
+                raise VisceraError(
+                    f"the two models are of different {name}, {mine:g} and {other:g} {unit}; make both with one"
+                )
+        laws = self.law, truth.law
+        if laws[0].name != laws[1].name or not np.array_equal(laws[0].parameters, laws[1].parameters):
+            raise VisceraError(f"the two models are of different laws, {laws[0]} and {laws[1]}; make both of one organ")
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write all modes for ParaView: `modes.pvd` and one VTU file per pair, i as its time.
 
+        The folder is made if it is missing, the one that it lies in is not.
         Point data: `F_p` (n, 3) and `G_p` (n,) [m] of each order p that has a pair i; G is 0 off the positions.
         """
-        from viscera.paraview import write_series
+        from viscera.paraview import in_folder, write_series
 
-        frames = []
+        listing, frames = in_folder(folder, "modes.pvd"), []
         for i in range(max(self.counts)):
             data: dict[str, Floats] = {}
             for p, order in enumerate(self.orders, start=1):
@@ -159,14 +179,17 @@ class Pgd:
                 data[f"F_{p}"] = order.F[i] if has_pair else np.zeros_like(self.mesh.points)
                 data[f"G_{p}"] = self.over_nodes(order.G[i]) if has_pair else np.zeros(len(self.mesh.points))
             frames.append((float(i + 1), data))
-        return write_series(path_of(folder, "the folder") / "modes.pvd", self.mesh, frames)
+        return write_series(listing, self.mesh, frames)
 
     def write_path(self, folder: str | Path, path: Sequence[Place], a: float = 1.0) -> list[Path]:
-        """Write the organ under a load that moves along a path of points: `path.pvd` and one VTU file per point."""
-        from viscera.paraview import write_series
+        """Write the organ under a load that moves along a path of points: `path.pvd` and one VTU file per point.
+
+        folder: as in `write`.
+        """
+        from viscera.paraview import in_folder, write_series
 
         frames = [(float(k), {"displacement": self.displacement(s, a)}) for k, s in enumerate(path)]
-        return write_series(path_of(folder, "the folder") / "path.pvd", self.mesh, frames)
+        return write_series(in_folder(folder, "path.pvd"), self.mesh, frames)
 
     def over_nodes(self, G: Floats) -> Floats:
         """A function of the position (m,) at all nodes (n,); it is 0 at nodes where no load may act."""
@@ -268,6 +291,7 @@ def separate(
     )
     return Pgd(
         mesh=organ.mesh,
+        law=organ.law,
         load=load,
         radius=radius,
         positions=result["positions"],

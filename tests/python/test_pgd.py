@@ -153,6 +153,31 @@ def test_what_is_refused(organ: vs.Organ, direct: Pgd, top: np.ndarray, tmp_path
         direct.errors(organ.pgd(top[top > top[2]], load=LOAD, order=1))
 
 
+def test_only_models_of_one_load_on_one_organ_are_compared(organ: vs.Organ, direct: Pgd, top: np.ndarray) -> None:
+    softer = organ.with_law(vs.NeoHookean(young=5e4, poisson=0.3))
+    longer = organ.with_mesh(vs.mesh(2.0 * organ.mesh.points, organ.mesh.cells))
+    for other, words in (
+        (organ.pgd(top, load=2 * LOAD, order=5), "of different loads, 6 and 12 N"),
+        (organ.pgd(top, load=LOAD, order=5, radius=0.06), "of different radii, 0 and 0.06 m"),
+        (softer.pgd(top, load=LOAD, order=5), r"of different laws, NeoHookean\(.*\) and NeoHookean\(.*\); make both"),
+        (longer.pgd(top, load=LOAD, order=5), "different meshes or positions"),
+        (organ.pgd(top, load=LOAD, order=1), "order is 5; this series has orders 1 to 1"),
+    ):
+        with pytest.raises(vs.VisceraError, match=words):
+            direct.errors(other)
+
+
+def test_a_folder_that_cannot_be_written_to_is_refused(direct: Pgd, tmp_path: Path, top: np.ndarray) -> None:
+    few, taken = direct.truncated(1), tmp_path / "taken"
+    taken.write_text("a file", encoding="utf-8")
+    for write in (few.write, lambda folder: few.write_path(folder, [int(top[0])])):
+        with pytest.raises(vs.VisceraError, match=r"taken: no folder can be made there .a file has that name"):
+            write(taken)
+        with pytest.raises(vs.VisceraError, match=r"the folder '.*nodir' does not exist; create it first"):
+            write(tmp_path / "nodir" / "modes")
+    assert not (tmp_path / "nodir").exists()
+
+
 @pytest.mark.parametrize(
     "law",
     [

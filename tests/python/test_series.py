@@ -104,6 +104,8 @@ def test_what_is_no_series_is_refused(organ: vs.Organ, cube: vs.Mesh, tmp_path: 
     other = vs.Organ(cube, organ.law, fixed="bottom").moved(np.zeros_like(cube.points))
     with pytest.raises(vs.VisceraError, match="there is no moment to write"):
         vs.write_series(tmp_path / "none.pvd", [])
+    with pytest.raises(vs.VisceraError, match=r"the folder '.*nodir' does not exist; create it first"):
+        vs.write_series(tmp_path / "nodir" / "none.pvd", [(1.0, state)])
     with pytest.raises(vs.VisceraError, match="times must rise: moment 1 is at 1, the one before it at 1"):
         vs.write_series(tmp_path / "twice.pvd", [(1.0, state), (1.0, state)])
     with pytest.raises(vs.VisceraError, match="moment 1 is one of another mesh"):
