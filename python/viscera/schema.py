@@ -10,7 +10,7 @@ from typing import Any
 from viscera import defaults, elastic_support, reducible, statics, supported, vary
 from viscera.entries import Components, Key, Length, PerCell, Place, Places, Table, Text, Units
 from viscera.material_schema import Material
-from viscera.quantity import Choice, Flag, Number, Vector
+from viscera.quantity import Choice, Flag, Number, Vector, refused
 from viscera.solver import NAMES as SOLVERS
 from viscera.solver import NEWTON
 
@@ -18,11 +18,16 @@ STARTS = ("rest", "loads", "scan")
 """States that the touches of a reduced model may start from."""
 
 
+WORDLESS = {"young": "a number in Pa, as every stiffness is, such as 1e3 for 1 kPa", "poisson": "a number without unit"}
+"""What the ends of a range are for parameters that have no words."""
+
+
 class End:
-    """One end of a range: of a length, or of another parameter."""
+    """One end of a range: of a length, or of another parameter; `Varied` knows of which, and whether it has words."""
 
     def __call__(self, value: Any, what: str) -> None:
-        (Length() if isinstance(value, str) else Number())(value, what)
+        if not isinstance(value, str):
+            Number()(value, what)
 
     def __str__(self) -> str:
         return f"a number in the unit of the parameter; for the radius {Length()}"
@@ -34,7 +39,11 @@ class Varied:
     def __call__(self, words: Any, what: str) -> None:
         VARY(words, what)
         for end in ("low", "high"):
-            (Length() if words["parameter"] == "radius" else Number())(words[end], f"{end} in [{VARY.name}]")
+            name, value = f"{end} in [{VARY.name}]", words[end]
+            if words["parameter"] == "radius":
+                Length()(value, name)
+            elif isinstance(value, str):
+                raise refused(name, WORDLESS[words["parameter"]], value)
 
     def __str__(self) -> str:
         return str(VARY)

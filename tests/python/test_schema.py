@@ -397,6 +397,18 @@ OWN = MADE.replace('"NeoHookean", poisson = 0.3', '"StrainEnergy", energy = "sti
             HEAD + 'reduce.vary = {parameter = "young", low = "5%", high = 2}',
             r"low in \[reduce.vary\] must be a number",
         ),
+        (
+            HEAD + 'reduce.vary = {parameter = "young", low = "1 kPa", high = 2e3}',
+            r"low in \[reduce.vary\] must be a number in Pa, as every stiffness is, .* got '1 kPa'",
+        ),
+        (
+            HEAD + 'reduce.vary = {parameter = "poisson", low = 0.3, high = "40%"}',
+            r"high in \[reduce.vary\] must be a number without unit, got '40%'",
+        ),
+        (
+            HEAD + 'reduce.vary = {parameter = "radius", low = "1 kPa", high = "2 cm"}',
+            r"low in \[reduce.vary\] '1 kPa' is not a length",
+        ),
         (MADE + "young = true}", r"young in \[material\] must be a number above 0 .*, got True"),
         (MADE + 'young = "1e5"}', r"young in \[material\] must be a number above 0 .*, got '1e5'"),
         (HEAD + "loads = {gravity = [true, false, true], density = 1}", r"gravity in \[loads\] must be three finite"),
