@@ -396,6 +396,10 @@ def settings_of(
         raise refused("relaxation", "a viscera.Prony, such as Prony(g=[0.3], tau=[0.5])", relaxation)
     if dynamics is None and rates.any():
         raise VisceraError("damping has no effect without dynamics; choose dynamics='newmark' or 'backward_euler'")
+    if dynamics is None and mass != "lumped":
+        raise VisceraError(
+            f"mass={mass!r} has no effect without dynamics; choose dynamics='newmark' or 'backward_euler'"
+        )
     if time_step is not None and dynamics is None and relaxation is None:
         raise VisceraError("a time_step has no effect without dynamics or relaxation; add one, or leave it out")
     if time_step is None and not (dynamics is None and relaxation is None):

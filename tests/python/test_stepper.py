@@ -332,6 +332,7 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
         ({"dynamics": "newmark", "density": 1000}, "need a time_step"),
         ({"time_step": 0.01}, "has no effect without dynamics"),
         ({"damping": (1.0, 0.0)}, "damping has no effect"),
+        ({"mass": "consistent", "density": 1000}, "mass='consistent' has no effect without dynamics"),
         ({"solver": "choleski"}, "did you mean 'cholesky'"),
         ({"solver": "pardiso"}, "known: 'auto', 'cg', 'cholesky'"),
         ({"budget": 0.0}, "budget must be a number above 0"),
