@@ -7,6 +7,7 @@ classes, since each dataclass would add a millisecond to the import of the packa
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
@@ -177,6 +178,13 @@ def path_of(value: str | os.PathLike[str], what: str) -> Path:
     name = os.fspath(value) if isinstance(value, str | os.PathLike) else None
     if not isinstance(name, str) or not name or "\0" in name:
         raise refused(what, "named by a text or a path", value)
+    try:
+        os.stat(name)
+    except OSError as error:  # of a name that is taken or free; only one that no file can have is refused here
+        if error.errno == errno.ENAMETOOLONG:
+            raise VisceraError(
+                f"{what}: {brief(name)} is too long for the name of a file; give a shorter one"
+            ) from error
     return Path(name)
 
 

@@ -266,6 +266,21 @@ def test_what_names_no_file_is_refused(organ: vs.Organ, name: Any) -> None:
             write(name)
 
 
+@pytest.mark.parametrize(
+    ("read", "ending"),
+    [
+        (vs.case, ".toml"),
+        (vs.load, ".viscera"),
+        (vs.read, ".vtu"),
+        (vs.scan, ".nii"),
+        (vs.organs.beam().write, ".vtu"),
+    ],
+)
+def test_a_name_that_no_file_can_have_is_refused(read: Callable[[str], Any], ending: str) -> None:
+    with pytest.raises(vs.VisceraError, match=r"'x+\.\.\. is too long for the name of a file; give a shorter one"):
+        read("x" * 300 + ending)
+
+
 @pytest.mark.parametrize("start", [5, (0, 0), [1.0, 2.0], "tip", np.zeros(3)])
 def test_a_start_that_is_no_displacement_is_called_so(organ: vs.Organ, start: Any) -> None:
     with pytest.raises(vs.VisceraError, match="start must be a State, a Frame or a finite displacement"):
