@@ -117,7 +117,7 @@ class Organ(Statics, Reducible):
         density [kg/m^3], one number or one per cell: needed for gravity and inertia.
         time_step [s] between frames: needed for inertia and relaxation.
         dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static if None.
-        mass: "lumped" or, with dynamics, "consistent"; damping: Rayleigh's alpha [1/s] and beta [s], C = alpha M + beta K.
+        mass: "lumped" or, with dynamics, "consistent"; damping: Rayleigh's alpha [1/s] and beta [s], alpha M + beta K.
             Gravity pulls at the same masses: lumped, a "P2" organ at rest differs from statics by its discretisation.
         relaxation: `Prony` viscoelasticity, of the element "P1" alone.
 
