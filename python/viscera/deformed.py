@@ -177,7 +177,8 @@ class Deformed:
     def energy_density(self, at: str = "cells") -> Floats:
         """Strain energy (m,) [J/m^3] per volume at rest; times the cells' volumes it adds up to `energy`.
 
-        at: as in `stress`; nodes get the mean of the cell means, which is never negative.
+        at: as in `stress`; nodes get the mean of the cell means, which is never negative. In an inverted cell most laws
+        have no energy: refused, as such a stress.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -186,13 +187,14 @@ class Deformed:
         >>> bool(abs(energy - state.energy) < 1e-9 * state.energy)
         True
         """
+        self._response.require_values()
         energy = self._response.energy
         return self._response.at(energy.mean(axis=1, keepdims=True) if at == "nodes" else energy, at)
 
     def fields(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """The fields of written files, by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`,
         `green_strain` and `energy_density`; in those of a `Scene` also `organ`, its number in `organs`. If a cell is
-        inverted, they contain no stress, except with the law `Linear`.
+        inverted, they contain no stress, except with the law `Linear`, and no energy that the law does not have there.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -204,7 +206,9 @@ class Deformed:
         from viscera.scene import Scene
 
         organ, _ = self._from_rest()
-        strain = {"green_strain": self.strain("green"), "energy_density": self.energy_density()}
+        strain = {"green_strain": self.strain("green")}
+        if not self._response.without_value.any():
+            strain |= {"energy_density": self.energy_density()}
         strain |= {"organ": organ.of_cell} if isinstance(organ, Scene) else {}
         if self._response.inverted.any() and not self._response.is_linear:
             return {}, strain

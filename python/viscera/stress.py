@@ -46,7 +46,7 @@ class Response:
         """Stress (m, q, 3, 3) [Pa]."""
         Choice(STRESSES)(measure, "the stress")
         if measure == "pk1" or self.is_linear:
-            return self._require_values()
+            return self.require_values()
         if measure == "pk2":
             self._require_upright()
             return np.asarray(np.linalg.solve(self.gradient, self.pk1))
@@ -121,12 +121,12 @@ class Response:
             )
         return J
 
-    def _require_values(self) -> Floats:
-        """The stress P, which most laws do not have in an inverted cell: ln J and powers of J end there."""
+    def require_values(self) -> Floats:
+        """The stress P. Most laws have none, and no energy, in an inverted cell: ln J and powers of J end there."""
         if self.without_value.any():
             cell = int(np.argmax(self.without_value))
             raise VisceraError(
-                f"the law has no stress in cell {cell} (J = {self.volume_ratio[cell].min():.3g}); "
+                f"the law has no stress and no energy in cell {cell} (J = {self.volume_ratio[cell].min():.3g}); "
                 "take the strain 'green', or load the organ less"
             )
         return self.pk1

@@ -360,6 +360,8 @@ def load(path: str | os.PathLike[str]) -> Touch:
     """
     name = str(path_of(path, "the model file"))
     refuse_case_file(name, "a model")
+    if Path(name).is_dir():
+        raise VisceraError(f"{name}: is a folder, not a model")
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such model file")
     try:

@@ -190,9 +190,15 @@ def test_where_the_law_has_no_stress_none_is_given(
             assert np.isfinite(inverted.stress("pk1", at)).all()
             continue
         with pytest.raises(
-            vs.VisceraError, match=r"the law has no stress in cell \d+ \(J = -.*; take the strain 'green'"
+            vs.VisceraError, match=r"the law has no stress and no energy in cell \d+ \(J = -.*; take the strain 'green'"
         ):
             inverted.stress("pk1", at)
+    if has_value:
+        assert np.isfinite(inverted.energy_density()).all()
+    else:
+        with pytest.raises(vs.VisceraError, match="no energy in cell"):
+            inverted.energy_density()
+    assert ("energy_density" in inverted.fields()[1]) == has_value
     inverted.write(tmp_path / "inverted.vtu")
     written = meshio.read(tmp_path / "inverted.vtu").cell_data
     assert set(written) == ({"green_strain", "energy_density"} if has_value else {"green_strain"})

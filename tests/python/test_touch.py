@@ -121,6 +121,8 @@ def test_damaged_files_are_one_sentence(touch: vs.Touch, tmp_path: Path, how: st
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(vs.VisceraError, match="is a folder, not a model"):
+        vs.load(tmp_path)
     with pytest.raises(vs.VisceraError, match=r"none\.viscera: no such model file"):
         vs.load(tmp_path / "none.viscera")
 
