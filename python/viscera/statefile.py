@@ -137,17 +137,13 @@ def _write_volume(
 
 
 def volume(mesh: Mesh, fields: Mapping[str, Floats], cell_fields: Mapping[str, Floats]) -> Any:
-    """The cells at rest with their fields, as `write` takes them, for meshio.
-
-    A field of cells that lacks a value is left out: the energy where a cell is inverted, which most laws forbid.
-    """
+    """The cells at rest with their fields, as `write` takes them, for meshio."""
     import meshio
 
     is_quadratic = len(mesh.edges) > 0
     cells = _core.quadratic(mesh.n_corners, mesh.cells)[1] if is_quadratic else mesh.cells
     kind = "tetra10" if is_quadratic else "tetra"
-    whole = {name: field for name, field in cell_fields.items() if np.isfinite(field).all()}
-    rows = {name: [field.reshape(len(field), -1) if field.ndim > 1 else field] for name, field in whole.items()}
+    rows = {name: [field.reshape(len(field), -1) if field.ndim > 1 else field] for name, field in cell_fields.items()}
     return meshio.Mesh(mesh.points, [(kind, cells.astype(np.int64))], point_data=dict(fields), cell_data=rows)
 
 
