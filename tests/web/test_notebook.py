@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.web.notebook import opened
 
 import viscera as vs
 from viscera.touch import load_bytes
@@ -23,28 +24,6 @@ import widget from "./viewer.js";
 const bytes = Uint8Array.from(atob("%s"), (c) => c.charCodeAt(0));
 const model = { get: (name) => ({ model: new DataView(bytes.buffer), height: 420 })[name] };
 window.ready = widget.render({ model, el: document.getElementById("cell") });
-</script>"""
-
-
-# The same with traits that go both ways, as a kernel would hold them.
-CONVERSATION = """<!doctype html><title>notebook</title><img data-viscera="%s"><div id="cell"></div>
-<script type="module">
-import widget from "./viewer.js";
-const bytes = Uint8Array.from(atob("%s"), (c) => c.charCodeAt(0));
-const traits = { model: new DataView(bytes.buffer), height: 420, picture: "%s", asked: { number: 0 } };
-const listeners = {};
-window.saved = [];
-window.traits = traits;
-const told = (name) => (listeners[`change:${name}`] ?? []).forEach((listen) => listen());
-window.fromPython = (state) => Object.entries(state).forEach(([name, value]) => ((traits[name] = value), told(name)));
-const model = {
-    get: (name) => traits[name],
-    set: (name, value) => (traits[name] = value),
-    save_changes: () => window.saved.push(structuredClone({ ...traits, model: null })),
-    on: (name, listen) => (listeners[name] ??= []).push(listen),
-    off: () => {},
-};
-window.remove = await widget.render({ model, el: document.getElementById("cell") });
 </script>"""
 PUSH = (0.0, 1e-3, -8e-3)
 
@@ -89,13 +68,7 @@ def test_a_saved_notebook_keeps_a_picture(touch: vs.Touch, server: Server) -> No
 def test_a_touch_from_python_moves_the_organ_and_a_hand_is_told(browser: Any, touch: vs.Touch, server: Server) -> None:
     pytest.importorskip("anywidget")
     widget = touch.view("Bar", height=420)
-    page = CONVERSATION % (widget.picture, base64.b64encode(widget.model).decode(), widget.picture)
-    with Server({"index.html": page.encode(), "viewer.js": widget._esm.encode()}) as notebook:
-        context = browser.new_context(bypass_csp=True, viewport={"width": 760, "height": 560})
-        tab = context.new_page()
-        tab.set_default_timeout(60_000)
-        tab.goto(notebook.url)
-        tab.wait_for_function("() => window.remove")
+    with opened(browser, widget) as tab:
         display = "() => getComputedStyle(document.querySelector('img')).display"
         assert tab.evaluate(display) == "none"
         widget.touch(TOP, PUSH)
@@ -120,7 +93,6 @@ def test_a_touch_from_python_moves_the_organ_and_a_hand_is_told(browser: Any, to
         tab.wait_for_function("() => window.saved.at(-1).force === null")
         tab.evaluate("() => window.remove()")
         assert tab.evaluate(display) != "none"
-        context.close()
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -11,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from tests.web.conftest import settle
-from tests.web.test_notebook import CONVERSATION
+from tests.web.notebook import opened
 
 import viscera as vs
 from viscera.viewer import Server, page
@@ -72,19 +70,9 @@ class Cell:
 @contextmanager
 def shown(browser: Any, widget: Any) -> Iterator[Cell]:
     """A widget in a page, with the traits that it has by now."""
-    bytes_ = base64.b64encode(widget.model).decode()
-    traits = json.dumps({name: getattr(widget, name) for name in (*NAMES, "asked")})
-    text = CONVERSATION % (widget.picture, bytes_, widget.picture)
-    assert "asked: { number: 0 }" in text
-    text = text.replace("asked: { number: 0 }", f"...{traits}")
-    with Server({"index.html": text.encode(), "viewer.js": widget._esm.encode()}) as notebook:
-        context = browser.new_context(bypass_csp=True, viewport={"width": 760, "height": 560})
-        tab = context.new_page()
-        tab.set_default_timeout(60_000)
-        tab.goto(notebook.url)
-        tab.wait_for_function("() => window.remove")
+    traits = {name: getattr(widget, name) for name in (*NAMES, "asked")}
+    with opened(browser, widget, traits) as tab:
         yield Cell(tab, widget)
-        context.close()
 
 
 def test_what_the_page_shows_of_a_touch_from_python_is_what_the_widget_holds(
