@@ -1,4 +1,4 @@
-"""Abaqus input files: nodes, elements, sets of both. What makes or moves them otherwise than line by line is refused.
+"""Abaqus input files: nodes, elements, sets of both. Keywords that generate or move nodes and elements are refused.
 
 After Abaqus' user's guide: `*KEYWORD, PARAMETER=VALUE, ...` stands before lines of data, and `**` before a comment.
 meshio keeps the last of several blocks of nodes, and leaves out sets that name sets.
@@ -22,7 +22,7 @@ from viscera.errors import VisceraError
 
 FLAT = "let Abaqus/CAE write the file without parts and assemblies (Model > Edit Attributes)"
 MAKERS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
-"""Keywords that make nodes and elements of others."""
+"""Keywords that generate nodes and elements."""
 MOVERS = {"SYSTEM": "write their coordinates in the global system, without it", "INSTANCE": FLAT}
 """Keywords that move nodes by their data, and what to do."""
 
@@ -57,8 +57,7 @@ class Model:
     elements: list[Elements] = field(default_factory=list)
     node_sets: dict[str, list[int]] = field(default_factory=dict)
     element_sets: dict[str, list[int]] = field(default_factory=dict)
-    named: set[int] = field(default_factory=set)
-    """Numbers of the elements."""
+    element_numbers: set[int] = field(default_factory=set)
 
     def take(self, block: Block) -> None:
         """Adds a block; most keywords do not concern the mesh."""
@@ -72,7 +71,7 @@ class Model:
                 members += self._nodes_of(_found(block.parameters["ELSET"], self.element_sets))
             self.node_sets.setdefault(_name(block, "NSET"), []).extend(members)
         elif block.keyword == "ELSET":
-            members = _members(block, "ELSET", self.element_sets, self.named)
+            members = _members(block, "ELSET", self.element_sets, self.element_numbers)
             self.element_sets.setdefault(_name(block, "ELSET"), []).extend(members)
         elif block.keyword in MAKERS:
             raise VisceraError(f"*{block.keyword} is not read; write every node and element on a line of its own")
@@ -107,13 +106,13 @@ class Model:
             raise VisceraError(f"its *ELEMENT, TYPE={block.parameters['TYPE']} ends amid an element")
         table = np.array(words, dtype=np.int64).reshape(-1, width)
         numbers = table[:, 0].tolist()
-        again = next((n for n, count in Counter(numbers).items() if count > 1 or n in self.named), None)
+        again = next((n for n, count in Counter(numbers).items() if count > 1 or n in self.element_numbers), None)
         if again is not None:
             raise VisceraError(
                 f"two elements have the number {again}; parts that count their elements each for itself are not read: "
                 f"{FLAT}"
             )
-        self.named.update(numbers)
+        self.element_numbers.update(numbers)
         self.elements.append(Elements(kind, table[:, 0], table[:, 1:]))
         if "ELSET" in block.parameters:
             self.element_sets.setdefault(block.parameters["ELSET"], []).extend(numbers)

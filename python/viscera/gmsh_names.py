@@ -32,7 +32,7 @@ def keys(names: Names) -> dict[str, str]:
 
 
 @contextmanager
-def told_apart(path: Path, names: Names) -> Iterator[Path]:
+def with_distinct_names(path: Path, names: Names) -> Iterator[Path]:
     """A file in which no two groups have one name: this one, or a copy with `keys` in place of names."""
     if not keys(names):
         yield path

@@ -213,7 +213,7 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
     if binary := re.search(rb"^\$MeshFormat\s+4(?!\.0)[\d.]*\s+1\s+([48])\s", head, re.MULTILINE):
         _refuse_false_tags(path.read_bytes(), int(binary[1]))
     names = gmsh_names.read(path) if ending == ".msh" else {}
-    with gmsh_names.told_apart(path, names) as source:
+    with gmsh_names.with_distinct_names(path, names) as source:
         found = reader.read(source)
     if ending == ".vtk":
         found.point_data, found.cell_data = (

@@ -114,6 +114,9 @@ class Ties:
         return not other.links and not other.surfaces and other._samples() <= self._samples()
 
     def _samples(self) -> set[tuple[bytes, ...]]:
+        """Nodes, weights and stiffness of each sample, to be compared bit by bit."""
+        if not len(self):
+            return set()
         ends = self.start[1:-1].astype(np.int64)
         nodes, weights = (np.split(each, ends) for each in (self.nodes, self.weights))
         each = zip(nodes, weights, self.stiffness, strict=True)

@@ -6,6 +6,7 @@ use super::analysis::Analysis;
 use super::fronts::Fronts;
 use super::{FactorError, Precision};
 
+/// The two ways.
 pub(super) enum Elimination<T> {
     /// On one thread.
     Fronts(Fronts<T>),
@@ -14,7 +15,7 @@ pub(super) enum Elimination<T> {
 }
 
 impl<T: Precision> Elimination<T> {
-    /// As befits the size of the factor; faer asks for so much memory.
+    /// The one for the size of the factor; `request` tells the memory that faer would need.
     ///
     /// # Errors
     /// No memory.

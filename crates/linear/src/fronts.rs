@@ -1,6 +1,6 @@
-//! Numeric factorisation front by front (Duff and Reid 1983), `L Lᵀ` or `L S Lᵀ` with the signs of the pivots: every supernode, with what its children in the
-//! elimination tree leave to it, is a small dense matrix, of which its own columns are eliminated and the rest is
-//! left to its parent.
+//! Numeric factorisation front by front (Duff and Reid 1983), `L Lᵀ` or `L S Lᵀ` with the signs of the pivots: every
+//! supernode, with what its children in the elimination tree leave to it, is a small dense matrix, of which its own columns
+//! are eliminated and the rest is left to its parent.
 //!
 //! For the factors of single organs this is quicker than faer's supernodes, which fetch from each descendant on its own
 //! what a front is handed once. Large factors are left to faer, whose dense kernels mind the caches and share the work

@@ -30,11 +30,10 @@ pub(super) const RULE: [[f64; 3]; 3] = [
 impl ActivePair {
     /// Whether the samples are to be found anew.
     pub(super) fn is_due(&self) -> bool {
-        let (more, rubs) = (self.renewals.saturating_sub(RENEWALS), !self.friction.is_none());
-        if self.is_kept || rubs && self.renewals >= RENEWALS {
-            return self.has_moved(GONE);
-        }
-        self.has_moved((STILL * 2f64.powi(more.min(64) as i32)).min(GONE))
+        let beyond = self.renewals.saturating_sub(RENEWALS);
+        let stays = self.is_kept || !self.friction.is_none() && self.renewals >= RENEWALS;
+        let wider = (STILL * 2f64.powi(beyond.min(64) as i32)).min(GONE);
+        self.has_moved(if stays { GONE } else { wider })
     }
 
     /// Whether a surface has moved as far since its samples were found, over the reach.

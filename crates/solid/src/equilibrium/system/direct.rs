@@ -1,7 +1,8 @@
 //! Direct solves. A positive definite tangent has a Cholesky factor. One that is not may still be positive definite on
 //! all steps that leave the means of the patches alone, `W s = 0`, and no other steps are possible where tools hold them:
 //! it is so exactly if `K` has as many negative eigenvalues as the compliance `W K⁻¹ Wᵀ` of the patches, by the inertia
-//! of the bordered matrix (Haynsworth, Linear Algebra Appl. 1, 1968, 73). `L D Lᵀ` counts those of `K`, and solves.
+//! of the bordered matrix (Haynsworth, Linear Algebra Appl. 1, 1968, 73). `L D Lᵀ` counts those of `K`, and solves; it
+//! goes on from the pivot at which Cholesky's method stopped.
 
 use super::border::Border;
 use super::factor::TangentFactor;
