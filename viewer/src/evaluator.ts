@@ -1,5 +1,6 @@
 // The Rust evaluator (bindings/wasm) as an object: names for its numbers, nothing computed here.
 import wasmUrl from "../wasm/evaluator.wasm?url";
+import { bytesOf } from "./base64";
 import type { Part } from "./inside";
 import { requireRoom, withinMemory } from "./memory";
 
@@ -274,5 +275,5 @@ function text(wasm: Exports): string {
 
 /** The bytes of a base64 data URL; not fetched, so that a strict content policy holds. */
 function decode(url: string): Uint8Array<ArrayBuffer> {
-  return Uint8Array.from(atob(url.slice(url.indexOf(",") + 1)), (character) => character.charCodeAt(0));
+  return bytesOf(url.slice(url.indexOf(",") + 1));
 }

@@ -1,10 +1,11 @@
 // The parts of a page: files beside it, or embedded in it as base64 where it is one file (viscera/viewer/page.py).
+import { bytesOf } from "./base64";
 import { requireRoom, withinMemory } from "./memory";
 
 /** The bytes of a part that is embedded in the page; null where it is a file of its own. */
 export function embedded(name: string): Uint8Array<ArrayBuffer> | null {
   const text = document.getElementById(name)?.textContent;
-  return text ? Uint8Array.from(atob(text), (character) => character.charCodeAt(0)) : null;
+  return text ? bytesOf(text) : null;
 }
 
 /** Where a script is to be loaded from. */

@@ -30,11 +30,12 @@ const FACES: readonly ((u: number, v: number) => Direction)[] = [
 
 /** The environment of a scene with z or y upright alike: bright above, warm below, four lamps. */
 export function studio(): THREE.Texture {
+  const painted = paint();
   const levels = SAMPLES.map((samples, level) => {
     // As the materials of three.js read them.
     const roughness = 1 - Math.sqrt(1 - level / (SAMPLES.length - 1));
     const lobe = lobeOf(roughness, samples);
-    return cube(FACES.map((at) => face(SIZE >> level, (u, v) => mirrored(normalized(at(u, v)), lobe))));
+    return cube(FACES.map((at) => face(SIZE >> level, (u, v) => mirrored(normalized(at(u, v)), lobe, painted))));
   });
   const [sharpest, ...others] = levels as [THREE.CubeTexture, ...THREE.CubeTexture[]];
   // Of a cube's levels three.js counts the last one as the end of the mirrors.
@@ -44,6 +45,35 @@ export function studio(): THREE.Texture {
   sharpest.isPMREMTexture = true;
   sharpest.needsUpdate = true;
   return sharpest;
+}
+
+/** Red, green and blue of the texels of the sharpest level, face by face: what the lobes of all levels gather from. */
+function paint(): Float64Array {
+  const painted = new Float64Array(3 * FACES.length * SIZE * SIZE);
+  FACES.forEach((at, index) => {
+    for (let k = 0; k < SIZE * SIZE; k++) {
+      painted.set(radiance(normalized(at(...placeOf(k, SIZE)))), 3 * (index * SIZE * SIZE + k));
+    }
+  });
+  return painted;
+}
+
+/** Where the k-th texel of a face lies. */
+function placeOf(k: number, size: number): [number, number] {
+  return [(2 * (k % size) + 1) / size - 1, (2 * Math.floor(k / size) + 1) / size - 1];
+}
+
+/** The texel of the sharpest level, counted over all faces, that a direction meets. */
+function texelAlong(x: number, y: number, z: number): number {
+  const [a, b, c] = [Math.abs(x), Math.abs(y), Math.abs(z)];
+  if (a >= b && a >= c) return x < 0 ? texel(0, -z / a, -y / a) : texel(1, z / a, -y / a);
+  if (b >= c) return y > 0 ? texel(2, -x / b, z / b) : texel(3, -x / b, -z / b);
+  return z > 0 ? texel(4, -x / c, -y / c) : texel(5, x / c, -y / c);
+}
+
+function texel(index: number, u: number, v: number): number {
+  const along = (place: number) => Math.min(Math.floor(((place + 1) * SIZE) / 2), SIZE - 1);
+  return (index * SIZE + along(v)) * SIZE + along(u);
 }
 
 /** What comes from a direction: red, green, blue. */
@@ -75,19 +105,19 @@ function lobeOf(roughness: number, samples: number): Direction[] {
 }
 
 /** What a surface with this normal mirrors. */
-function mirrored(normal: Direction, lobe: readonly Direction[]): Direction {
+function mirrored(normal: Direction, lobe: readonly Direction[], painted: Float64Array): Direction {
   const [x, y, z] = normal;
   const [a, b, c] = normalized(Math.abs(z) < 0.9 ? [y, -x, 0] : [0, z, -y]);
   const side = [y * c - z * b, z * a - x * c, x * b - y * a] as const;
   const sum: [number, number, number] = [0, 0, 0];
   let weight = 0;
   for (const [along, across, up] of lobe) {
-    const light = radiance([
+    const from = texelAlong(
       up * x + along * a + across * side[0],
       up * y + along * b + across * side[1],
       up * z + along * c + across * side[2],
-    ]);
-    light.forEach((value, i) => (sum[i]! += up * value));
+    );
+    for (let i = 0; i < 3; i++) sum[i]! += up * painted[3 * from + i]!;
     weight += up;
   }
   return [sum[0] / weight, sum[1] / weight, sum[2] / weight];
@@ -101,8 +131,7 @@ function normalized([x, y, z]: Direction): Direction {
 function face(size: number, at: (u: number, v: number) => Direction): THREE.DataTexture {
   const texels = new Uint16Array(4 * size * size);
   for (let k = 0; k < size * size; k++) {
-    const [u, v] = [k % size, Math.floor(k / size)].map((place) => (2 * place + 1) / size - 1) as [number, number];
-    texels.set([...at(u, v), 1].map(THREE.DataUtils.toHalfFloat), 4 * k);
+    texels.set([...at(...placeOf(k, size)), 1].map(THREE.DataUtils.toHalfFloat), 4 * k);
   }
   return new THREE.DataTexture(texels, size, size, THREE.RGBAFormat, THREE.HalfFloatType);
 }
