@@ -50,6 +50,9 @@ HAPTIC_SECONDS ?= 600
 # Processes that share the tests in Python, file by file.
 WORKERS ?= 2
 
+# Python compiles a module where it is first imported: pip takes half the time without compiling those that nobody needs.
+export PIP_COMPILE := 0
+
 # The viewer's page is a build product inside the package; without Node everything else still builds and tests.
 page         := python/viscera/viewer/static/viewer.js
 page_sources := $(shell find viewer/src viewer/public -type f) viewer/package-lock.json viewer/vite.config.ts viewer/tsconfig.json
