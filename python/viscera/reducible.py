@@ -240,13 +240,25 @@ class Reducible(Supported):
 
 
 def _warn_if_coarse(vary: Vary, touch: Touch) -> None:
-    """A warning where interpolation over the parameter alone is worse than any answer may be."""
+    """A warning where interpolation over the parameter alone is worse than an answer may be: at any depth that the
+    model has, or at those that are shallow."""
     error = float(touch.metadata["errors"]["parameter"])
-    if error > max(defaults.ALLOWED_ERROR.values()):
-        log.warning(
-            "between the %d values of %s that were solved, answers are up to %.0f %% off, so that the model trusts "
-            "none; give Vary more nodes, or a narrower range",
-            vary.nodes,
-            vary.name,
-            100 * error,
+    depths, allowed = np.array(sorted(defaults.ALLOWED_ERROR.items())).T
+    if error <= allowed[0]:
+        return
+    share = float(np.interp(error, allowed, depths))  # of the diagonal, from where on as much is allowed
+    least = share * touch.mesh.diagonal
+    if error > allowed[-1] or least > touch.depth:
+        consequence = "the model trusts none"
+    else:
+        consequence = (
+            f"the model trusts none at a depth below {1e3 * least:.3g} mm, {100 * share:.2g} % of the diagonal"
         )
+    log.warning(
+        "between the %d values of %s that were solved, answers are up to %.2g %% off, so that %s; give Vary more "
+        "nodes, or a narrower range",
+        vary.nodes,
+        vary.name,
+        100 * error,
+        consequence,
+    )

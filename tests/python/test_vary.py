@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import viscera as vs
 from viscera import cli
 from viscera.case import read_case
+from viscera.reducible import _warn_if_coarse
 from viscera.touch import load_bytes
 from viscera.vary import law_at
 from viscera.viewer.surface import surface_model
@@ -66,6 +68,34 @@ def test_a_range_with_too_few_nodes_is_told(
     words = ["check", str(tmp_path / "coarse.viscera"), "--value", "2e6", "--touches", "1", "--depths", "2%"]
     assert cli.main(words) == 1
     assert "reduce with more nodes in Vary, or a narrower range" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("error", "depth", "told"),
+    [
+        (0.009, 0.05, ""),
+        (0.035, 0.05, "up to 3.5 % off, so that the model trusts none;"),
+        (0.03, 0.07, "up to 3 % off, so that the model trusts none;"),
+        (0.03, 0.10, "the model trusts none at a depth below 150 mm, 7.5 % of the diagonal;"),
+        (0.06, 0.15, "up to 6 % off, so that the model trusts none;"),
+    ],
+)
+def test_what_a_coarse_range_costs_is_told_for_the_depth_of_the_model(
+    error: float, depth: float, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On a body 2 m across; between 5 and 10 % of it, 1 to 5 % are allowed."""
+    touch: Any = SimpleNamespace(
+        metadata={"errors": {"parameter": error}}, depth=2 * depth, mesh=SimpleNamespace(diagonal=2)
+    )
+    _warn_if_coarse(vs.Vary("young", 1e4, 1e5, nodes=3), touch)
+    assert told in caplog.text if told else not caplog.text
+
+
+def test_a_model_that_trusts_no_answer_says_so(bar: vs.Mesh, caplog: pytest.LogCaptureFixture) -> None:
+    touch = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 8e4, 1.25e5, nodes=2))
+    assert 0.01 < touch.metadata["errors"]["parameter"] < 0.05, "at 4.7 % of the diagonal, 1 % is allowed"
+    assert "the model trusts none; give Vary more nodes" in caplog.text
+    assert not any(touch.at(young)(POINT, share * PUSH).is_trusted for young in (9e4, 1e5) for share in (0.01, 1.0))
 
 
 def test_the_model_begins_at_the_organs_own_value(touch: vs.Touch, bar: vs.Mesh) -> None:
