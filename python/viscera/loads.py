@@ -53,7 +53,10 @@ class Prescribed:
 
 
 def by_place(given: Any, what: str) -> dict[Any, Any]:
-    """`{where: value}` of a mapping or of pairs, indices as tuples; raises `VisceraError` if it is neither."""
+    """`{where: value}` of a mapping or of pairs, indices as tuples; of None, nothing. Raises `VisceraError` for what is
+    neither."""
+    if given is None:
+        return {}
     pairs = list(given.items()) if isinstance(given, Mapping) else given
     if not are_pairs(pairs):
         raise refused(what, "{where: value}, or pairs [(where, value)]", given)
@@ -68,7 +71,7 @@ def by_place(given: Any, what: str) -> dict[Any, Any]:
     return found
 
 
-def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Prescribed:
+def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements | None) -> Prescribed:
     """Resolve `{where: (x, y, z)}`; `None` leaves a component free. Places that contradict each other are refused."""
     values = np.zeros((len(mesh.points), 3))
     owner = np.full(values.shape, -1)  # which entry prescribes a component; 0 is the fixed set
@@ -127,7 +130,7 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
 def dead_forces(mesh: Mesh, fixed: Indices, force: Forces | None, traction: Tractions | None) -> Floats | None:
     """Nodal forces (n, 3) [N] of forces and dead tractions together; None where neither is given."""
     applied = None if force is None else nodal_forces(mesh, fixed, force)
-    if not traction:
+    if traction is None:
         return applied
     pull = traction_forces(mesh, fixed, traction)
     return pull if applied is None else applied + pull
@@ -144,7 +147,7 @@ def traction_forces(mesh: Mesh, fixed: Indices, traction: Tractions) -> Floats:
 
 
 def pressed_faces(
-    mesh: Mesh, fixed: Indices, pressure: Pressures, known: dict[Any, Indices] | None = None
+    mesh: Mesh, fixed: Indices, pressure: Pressures | None, known: dict[Any, Indices] | None = None
 ) -> tuple[Indices, Floats]:
     """Faces (t, 3), in a quadratic mesh (t, 6), and the pressure on each (t,) [Pa]; overlapping places add up.
 

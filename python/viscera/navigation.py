@@ -104,7 +104,7 @@ def unloaded(
 
     Sellier, C. R. Mécanique 339 (2011) 103. The whole load is tried first; if that fails, it is applied in steps.
     """
-    _require_loads(loads)
+    _require_loads(organ, loads)
     tolerance = Number(above=0, below=1)(tolerance, "tolerance")
     max_iterations = Whole(1, 100_000)(max_iterations, "max_iterations")
     search = _Search(organ, dict(loads), tolerance, max_iterations)
@@ -211,8 +211,10 @@ def _scaled(loads: Mapping[str, Any], share: float) -> dict[str, Any]:
     return {name: load if name == "density" else part(load) for name, load in loads.items()}
 
 
-def _require_loads(loads: Mapping[str, Any]) -> None:
-    """Raise `VisceraError` if a scan has no load, since its mesh is unloaded already."""
+def _require_loads(organ: Organ, loads: Mapping[str, Any]) -> None:
+    """Raise `VisceraError` for loads that `solve` refuses, before a share of them is taken; and if a scan has no load,
+    since its mesh is unloaded already."""
     given = [load for name, load in loads.items() if name != "density" and load is not None]
     if not any(len(load) if isinstance(load, Mapping) else True for load in given):
         raise VisceraError("the scan has no load to remove; give its gravity with the density, or its forces")
+    organ._loads(**loads)

@@ -23,7 +23,7 @@ from viscera.loads import (
     prescribed,
     pressed_faces,
 )
-from viscera.mesh import Floats, Mesh
+from viscera.mesh import Floats, Indices, Mesh
 from viscera.path import Expansion, Path
 from viscera.progress import Progress, shown
 from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
@@ -92,17 +92,10 @@ class Statics(Supported):
         >>> state.status, state.reaction("tip")[2].round(3).item()
         ('converged', 12.333)
         """
-        if gravity is not None and density is None:
-            raise VisceraError("gravity needs a density [kg/m^3]")
         steps, begin = STEPS(steps, "steps"), displacement_of(start, self.mesh)
-        moved = prescribed(self.mesh, self.fixed, displacement or {})
+        moved = prescribed(self.mesh, self.fixed, displacement)
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches], self._ties)
-        applied = self._dead_forces(force, traction)
-        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
-        weight = np.zeros_like(applied)
-        if gravity is not None and density is not None:
-            acceleration = vector(gravity, "gravity", "m/s^2")
-            weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
+        applied, pressed, pressures, weight = self._loads(force, traction, pressure, gravity, density)
         means = [mean for _, mean in moved.patches]
         tools = [*tools_of(contact, self._bodies), *self._bodies]
         began = perf_counter()
@@ -169,8 +162,7 @@ class Statics(Supported):
         tolerance = TOLERANCE(tolerance, "tolerance")
         max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")
         self._refuse_bodies()
-        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
-        applied = self._dead_forces(force, traction)
+        applied, pressed, pressures, _ = self._loads(force, traction, pressure)
         expansions = self._body.path(
             force=applied,
             pressed=pressed,
@@ -183,9 +175,25 @@ class Statics(Supported):
         )
         return Path([Expansion(**expansion) for expansion in expansions], self._organ, until)
 
-    def _dead_forces(self, force: Forces | None, traction: Tractions | None) -> Floats:
+    def _loads(
+        self,
+        force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
+        gravity: ArrayLike | None = None,
+        density: Density | None = None,
+    ) -> tuple[Floats, Indices, Floats, Floats]:
+        """Dead forces (n, 3) [N], pressed faces and their pressures [Pa], weight (n, 3) [N]; raises `VisceraError` for
+        what is no load."""
+        if gravity is not None and density is None:
+            raise VisceraError("gravity needs a density [kg/m^3]")
         applied = dead_forces(self.mesh, self.fixed, force, traction)
-        return np.zeros_like(self.mesh.points) if applied is None else applied
+        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure)
+        weight = np.zeros_like(self.mesh.points)
+        if gravity is not None and density is not None:
+            acceleration = vector(gravity, "gravity", "m/s^2")
+            weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
+        return np.zeros_like(weight) if applied is None else applied, pressed, pressures, weight
 
 
 def displacement_of(

@@ -246,7 +246,7 @@ class Stepper:
         applied, torques = self._pulls(applied)
         for forceps in self._forceps:
             forceps._must_be_whole()
-        self._press(by_place(pressure or {}, "pressure"))
+        self._press(by_place(pressure, "pressure"))
         patches = self._motion.patches
         turns = [(k, arms) for k, patch in enumerate(patches) if (arms := turned.get(patch)) is not None]
         for forceps in self._forceps:  # last: a frame that is refused leaves the jaws where they are

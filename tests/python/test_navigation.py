@@ -129,6 +129,32 @@ def test_bad_input_is_refused(bar: vs.Mesh) -> None:
         organ.unloaded(gravity=(0, 0), density=DENSITY)
 
 
+@pytest.mark.parametrize(
+    "loads",
+    [
+        {"gravity": "down", "density": DENSITY},
+        {"gravity": ("0", 0, "-9.81"), "density": DENSITY},
+        {"gravity": (None, 0, -1), "density": DENSITY},
+        {"force": "x"},
+        {"force": True},
+        {"force": {"tip": "0 0 1"}},
+        {"traction": {"tip": ("10 Pa", 0, 0)}},
+        {"traction": np.ones(2)},
+        {"pressure": {"tip": "100 Pa"}},
+        {"pressure": {"tip": True}},
+        {"pressure": np.ones(2)},
+    ],
+    ids=str,
+)
+def test_what_solve_refuses_is_no_load_of_a_scan_either(bar: vs.Mesh, loads: dict[str, Any]) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=2e5, poisson=0.4), fixed="root")
+    with pytest.raises(vs.VisceraError) as of_solve:
+        organ.solve(**loads)
+    with pytest.raises(vs.VisceraError) as of_scan:
+        organ.unloaded(**loads)
+    assert str(of_scan.value) == str(of_solve.value)
+
+
 CASE = """
 mesh = "organ:beam"
 fixed = "clamp"

@@ -172,6 +172,9 @@ Make = Callable[[vs.Organ], Any]
         (lambda o: o.pgd("tip", load="1"), "load must be a number"),
         (lambda o: o.unloaded(gravity=(0, 0, -9.81), density=1000, tolerance="1e-9"), "tolerance must be a number"),
         (lambda o: o.unloaded(force=[0, 0, 1]), "nodal forces have shape"),
+        (lambda o: o.solve(displacement=np.ones(2)), "displacement must be {where: value}, or pairs"),
+        (lambda o: o.path(pressure=np.ones(2)), "pressure must be {where: value}, or pairs"),
+        (lambda o: o.stepper().frame(pressure=np.ones(2)), "pressure must be {where: value}, or pairs"),
         (lambda o: vs.Organ("organ.vtu", LAW, fixed="x < 1%"), "the mesh must be a viscera.Mesh"),  # type: ignore[arg-type]
         (lambda o: vs.Organ(o.mesh, LAW, fixed="x < 1%", element=1), "the element 1 is unknown"),  # type: ignore[arg-type]
         (lambda o: vs.NeoHookean(1e3, 0.3), r"NeoHookean takes its parameters by name, .* young= and poisson="),
