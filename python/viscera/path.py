@@ -12,7 +12,7 @@ import numpy as np
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
-from viscera.quantity import Whole
+from viscera.quantity import Number, Whole
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 SAMPLES = Whole(2, 10_000)
 """Of an expansion: its ends at least."""
+PARAMETER = Number()
+"""Of an expansion: a finite number, within its range."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class Expansion:
 
     def at(self, a: float) -> tuple[float, Floats]:
         """Load factor and displacement (n, 3) [m] at the parameter a, by the vector Padé form."""
+        a = PARAMETER(a, "the parameter a of an expansion")
         if not 0.0 <= a <= self.range * (1.0 + 1e-12):
             raise VisceraError(f"the expansion holds for 0 <= a <= {self.range:g}, not at {a:g}")
         series = np.column_stack([self.displacement.reshape(len(self.displacement), -1), self.load])

@@ -22,7 +22,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.progress import Progress
-from viscera.quantity import Number
+from viscera.quantity import Number, Whole, refused
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -31,6 +31,11 @@ if TYPE_CHECKING:
 
 FACTOR = Number()
 """Of the load: any finite number."""
+PROJECTION = Number(low=0, below=1)
+"""Relative error of an order."""
+PAIRS = Whole(1, 1_000_000)
+"""As many of an order as there are, if more are asked for."""
+BOTH = "the order to which both models are summed"
 
 Place = int | np.integer[Any] | ArrayLike
 """Where the load acts: a node among the positions, or a point (3,) [m] of the surface that the positions span."""
@@ -123,8 +128,7 @@ class Pgd:
 
         The error is in the norm (sum_s w_s |u_p(., s)|^2)^1/2 of the order; the time is added to `seconds`.
         """
-        if not 0.0 <= tolerance < 1.0:
-            raise VisceraError(f"tolerance is {tolerance:g}; it must be at least 0 and below 1")
+        tolerance = PROJECTION(tolerance, "tolerance")
         began = perf_counter()
         orders = []
         for order in self.orders:
@@ -134,8 +138,7 @@ class Pgd:
 
     def truncated(self, terms: int) -> Pgd:
         """The same with the first pairs of each order only."""
-        if terms < 1:
-            raise VisceraError(f"at least one pair of each order must stay, got {terms}")
+        terms = PAIRS(terms, "the pairs of each order that stay")
         orders = tuple(replace(order, F=order.F[:terms], G=order.G[:terms]) for order in self.orders)
         return replace(self, orders=orders)
 
@@ -145,11 +148,13 @@ class Pgd:
         Raises `VisceraError` unless both are models of one load on one organ: of the same mesh, positions and law.
         """
         self._require_same_load(truth)
-        order = truth._order(self._order(order))
+        order, a = truth._order(self._order(order), BOTH), FACTOR(a, "the load factor a")
         exact, ours = truth._table(a, order), self._table(a, order)
         return np.asarray(np.linalg.norm(ours - exact, axis=1) / np.linalg.norm(exact, axis=1))
 
     def _require_same_load(self, truth: Pgd) -> None:
+        if not isinstance(truth, Pgd):
+            raise refused("the model to compare with", "a Pgd, as Organ.pgd returns it", truth)
         pairs = (self.positions, truth.positions), (self.mesh.points, truth.mesh.points)
         if not all(np.array_equal(*pair) for pair in pairs):
             raise VisceraError("the two models are of different meshes or positions")
@@ -197,12 +202,8 @@ class Pgd:
         values[self.positions] = G
         return values
 
-    def _order(self, order: int | None) -> int:
-        if order is None:
-            return len(self.orders)
-        if not 1 <= order <= len(self.orders):
-            raise VisceraError(f"order is {order}; this series has orders 1 to {len(self.orders)}")
-        return order
+    def _order(self, order: int | None, what: str = "order") -> int:
+        return len(self.orders) if order is None else Whole(1, len(self.orders))(order, what)
 
     def _table(self, a: float, order: int) -> Floats:
         tables = (a**p * each.table() for p, each in enumerate(self.orders[:order], start=1))

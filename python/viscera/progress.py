@@ -16,6 +16,8 @@ from threading import Event, Thread
 from time import perf_counter
 from typing import Any, ParamSpec, TypeVar, cast
 
+from viscera.quantity import refused
+
 Progress = Callable[[int, int, str], None]
 """Called with the steps done, the total of steps, and the name of the stage. An exception that it raises stops all."""
 
@@ -46,10 +48,15 @@ def bar(is_quiet: bool = False) -> Iterator[Progress]:
 
 
 def shown(work: Callable[Work, Result]) -> Callable[Work, Result]:
-    """Decorator: the work shows a bar in a notebook, unless the caller's `progress` or work around it shows one."""
+    """Decorator: the work shows a bar in a notebook, unless the caller's `progress` or work around it shows one.
+
+    Raises `VisceraError` if that `progress` cannot be called: before the work, which calls it late.
+    """
 
     @functools.wraps(work)
     def watched(*arguments: Work.args, **words: Work.kwargs) -> Result:
+        if not (words.get("progress") is None or callable(words["progress"])):
+            raise refused("progress", "a function of (done, total, stage), or None", words["progress"])
         if _is_shown or words.get("progress") is not None or not _is_notebook():
             return work(*arguments, **words)
         with _alone(), _told(_notebook_bar(), PATIENCE, REDRAW_EVERY) as show:

@@ -33,6 +33,8 @@ def test_an_expansion_knows_its_range() -> None:
     assert expansion.at(0.25)[0] == pytest.approx(0.25)
     with pytest.raises(vs.VisceraError, match=r"0 <= a <= 0.5, not at 0.7"):
         expansion.at(0.7)
+    with pytest.raises(vs.VisceraError, match=r"the parameter a of an expansion must be a number .*, got 'x'"):
+        expansion.at("x")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("parameter", ["load", "arc length"])

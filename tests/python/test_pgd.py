@@ -143,11 +143,11 @@ def test_what_is_refused(organ: vs.Organ, direct: Pgd, top: np.ndarray, tmp_path
         direct.displacement(inner)
     with pytest.raises(vs.VisceraError, match="from the load positions"):
         direct.displacement((0.2, 0.05, -0.5))
-    with pytest.raises(vs.VisceraError, match="order is 6; this series has orders 1 to 5"):
+    with pytest.raises(vs.VisceraError, match="order must be a whole number from 1 to 5, got 6"):
         direct.displacement(int(top[0]), order=6)
-    with pytest.raises(vs.VisceraError, match="at least one pair"):
+    with pytest.raises(vs.VisceraError, match=r"the pairs of each order that stay must be a whole number .*, got 0"):
         direct.truncated(0)
-    with pytest.raises(vs.VisceraError, match="tolerance is 1"):
+    with pytest.raises(vs.VisceraError, match=r"tolerance must be a number from 0 and below 1, got 1.0"):
         direct.project(1.0)
     with pytest.raises(vs.VisceraError, match="different meshes or positions"):
         direct.errors(organ.pgd(top[top > top[2]], load=LOAD, order=1))
@@ -161,7 +161,7 @@ def test_only_models_of_one_load_on_one_organ_are_compared(organ: vs.Organ, dire
         (organ.pgd(top, load=LOAD, order=5, radius=0.06), "of different radii, 0 and 0.06 m"),
         (softer.pgd(top, load=LOAD, order=5), r"of different laws, NeoHookean\(.*\) and NeoHookean\(.*\); make both"),
         (longer.pgd(top, load=LOAD, order=5), "different meshes or positions"),
-        (organ.pgd(top, load=LOAD, order=1), "order is 5; this series has orders 1 to 1"),
+        (organ.pgd(top, load=LOAD, order=1), "both models are summed must be a whole number from 1 to 1, got 5"),
     ):
         with pytest.raises(vs.VisceraError, match=words):
             direct.errors(other)
@@ -196,6 +196,23 @@ def test_supports_alone_hold_an_organ(bar: vs.Mesh) -> None:
     model = organ.pgd("tip", load=0.5, order=6, tolerance=None)
     node = int(model.positions[0])
     assert relative(model.displacement(node), Newton(organ, model).displacement(node)) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda m, o: m.displacement(m.positions[0], order=1.5), "order must be a whole number from 1 to 5, got 1.5"),
+        (lambda m, o: m.series(m.positions[0], order=True), "order must be a whole number from 1 to 5, got True"),
+        (lambda m, o: m.truncated(1.5), "the pairs of each order that stay must be a whole number .*, got 1.5"),
+        (lambda m, o: m.project("5%"), "tolerance must be a number from 0 and below 1, got '5%'"),
+        (lambda m, o: m.errors(m, a="1"), "the load factor a must be a number .*, got '1'"),
+        (lambda m, o: m.errors(m, order=1.5), "order must be a whole number from 1 to 5, got 1.5"),
+        (lambda m, o: m.errors(o), "the model to compare with must be a Pgd, as Organ.pgd returns it, got Organ"),
+    ],
+)
+def test_what_is_asked_of_a_series_is_checked(organ: vs.Organ, direct: Pgd, ask: Any, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        ask(direct, organ)
 
 
 @pytest.mark.parametrize("factor", [float("nan"), float("inf"), "x", None])

@@ -173,6 +173,11 @@ Make = Callable[[vs.Organ], Any]
         (lambda o: o.unloaded(gravity=(0, 0, -9.81), density=1000, tolerance="1e-9"), "tolerance must be a number"),
         (lambda o: o.unloaded(force=[0, 0, 1]), "nodal forces have shape"),
         (lambda o: o.solve(displacement=np.ones(2)), "displacement must be {where: value}, or pairs"),
+        (
+            lambda o: o.register(o.mesh.points, progress=3),
+            r"progress must be a function of \(done, total, stage\), .* 3",
+        ),
+        (lambda o: o.reduce("tip", progress="yes"), "progress must be a function"),
         (lambda o: o.path(pressure=np.ones(2)), "pressure must be {where: value}, or pairs"),
         (lambda o: o.stepper().frame(pressure=np.ones(2)), "pressure must be {where: value}, or pairs"),
         (lambda o: vs.Organ("organ.vtu", LAW, fixed="x < 1%"), "the mesh must be a viscera.Mesh"),  # type: ignore[arg-type]
