@@ -36,8 +36,28 @@ class Target:
         return float(np.linalg.norm(self.displacement))
 
     def __str__(self) -> str:
-        words = f"{1e3 * self.distance:.1f} ± {1e3 * self.band:.1f} mm"
-        return words if self.is_trusted else f"{words}, not trusted"
+        words = with_band(1e3 * self.distance, 1e3 * self.band)
+        return f"{words} mm" if self.is_trusted else f"{words} mm, not trusted"
+
+
+FINEST = 6
+"""Decimals of a length in millimetres at the most: what is smaller is rounding."""
+
+
+def with_band(distance: float, band: float) -> str:
+    """A distance and the band around it, both in millimetres: "6.21 ± 0.29", which holds all that the band holds.
+
+    The band has two digits, and the distance as many decimals, but no more than four digits where it is known better.
+    The band is rounded up, with what the rounding of the distance takes from it. The page does the same
+    (viewer/src/inside.ts).
+    """
+    sizes = [(size, digits) for size, digits in ((band, 2), (distance, 4)) if 0.0 < size < np.inf]
+    places = [digits - 1 - int(np.floor(np.log10(size))) for size, digits in sizes]
+    decimals = max(min([*places, FINEST]), 0) if places else 1
+    rounded = round(distance, decimals)
+    # The machine's rounding does not make 0.31 of 0.3.
+    units = np.ceil((band + abs(rounded - distance)) * 10.0**decimals * (1.0 - 1e-9))
+    return f"{rounded:.{decimals}f} ± {units / 10.0**decimals:.{decimals}f}"
 
 
 def target(

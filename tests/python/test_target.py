@@ -10,7 +10,7 @@ import pytest
 from tests.conftest import program
 
 import viscera as vs
-from viscera.parts import boundary, centroid_weights, inner_parts
+from viscera.parts import Target, boundary, centroid_weights, inner_parts
 from viscera.touch import load_bytes
 from viscera.viewer.surface import surface_model
 
@@ -47,10 +47,31 @@ def test_a_target_is_the_centroid_of_its_surface(touch: vs.Touch) -> None:
     answer = touch(POINT, PUSH)
     target = answer.target("tumour")
     assert np.allclose(target.displacement, weights @ answer.displacement[nodes])
-    assert str(target) == f"{1e3 * target.distance:.1f} ± {1e3 * target.band:.1f} mm"
+    assert str(target).endswith(" mm")
     deep = touch(POINT, (0.0, 0.0, -0.03)).target("tumour")
     assert not deep.is_trusted
     assert str(deep).endswith("not trusted")
+
+
+@pytest.mark.parametrize(
+    ("distance", "band", "words"),
+    [
+        (9.97258, 0.00626, "9.973 ± 0.007"),
+        (6.2149, 0.2871, "6.21 ± 0.30"),
+        (6.21, 0.3, "6.21 ± 0.30"),
+        (0.0413, 0.00031, "0.04130 ± 0.00031"),
+        (0.02, 12.4, "0 ± 13"),
+        (45.3, 123.0, "45 ± 124"),
+        (10.0, 0.0, "10.00 ± 0.00"),
+        (0.0, 0.0, "0.0 ± 0.0"),
+        (10.0, np.inf, "10.00 ± inf"),
+    ],
+)
+def test_a_band_in_words_holds_what_the_band_holds(distance: float, band: float, words: str) -> None:
+    assert str(Target(np.array([0.0, 0.0, 1e-3 * distance]), 1e-3 * band, is_trusted=True)) == f"{words} mm"
+    shown, wide = map(float, words.split(" ± "))
+    assert shown - wide <= distance - band + 1e-12
+    assert distance + band <= shown + wide + 1e-12
 
 
 def test_the_page_has_the_nodes_within(touch: vs.Touch) -> None:

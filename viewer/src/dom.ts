@@ -91,11 +91,16 @@ export class Segments<T extends string> {
   }
 }
 
-/** A number with so many significant digits, never in exponents, with a true minus sign. */
-export function digits(value: number, count: number): string {
+/** A number with so many significant digits, but decimals at most, never in exponents, with a true minus sign. */
+export function digits(value: number, count: number, most = 12): string {
   if (!Number.isFinite(value)) return "–";
-  const decimals = value === 0 ? count - 1 : Math.max(0, count - 1 - Math.floor(Math.log10(Math.abs(value))));
-  return fixed(value, Math.min(decimals, 4));
+  const decimals = value === 0 ? count - 1 : Math.max(0, decimalsOf(value, count));
+  return fixed(value, Math.min(decimals, most));
+}
+
+/** Decimals that give a number other than 0 so many significant digits; below 0 where it has more before the point. */
+export function decimalsOf(value: number, count: number): number {
+  return count - 1 - Math.floor(Math.log10(Math.abs(value)));
 }
 
 /** A number with so many decimals and a true minus sign. */
@@ -108,17 +113,29 @@ export function millimetres(length: number): string {
   return `${Number((1000 * length).toPrecision(3))} mm`;
 }
 
+/** A depth or a distance as it is read at a glance: with one decimal, and with two digits at least, however small. */
+export function depthInWords(length: number): string {
+  const shown = 1000 * length;
+  const isSmall = shown > 1e-6 && shown < 0.95;
+  return `${fixed(shown, isSmall ? decimalsOf(shown, 2) : 1)} mm`;
+}
+
 /** A force up to this is rounding [N]. */
 const NOTHING = 1e-8;
+
+/** A force in newtons with so many significant digits, however small. */
+export function forceDigits(force: number, count: number): string {
+  return digits(force > NOTHING ? force : 0, count);
+}
 
 /** A force as it is read at a glance: with two digits at least, however small. */
 export function newtons(force: number): string {
   const isSmall = force > NOTHING && force < 0.00995;
-  const decimals = isSmall ? 1 - Math.floor(Math.log10(force)) : force < 0.0995 ? 3 : force < 9.995 ? 2 : force < 999.5 ? 1 : 0;
+  const decimals = isSmall ? decimalsOf(force, 2) : force < 0.0995 ? 3 : force < 9.995 ? 2 : force < 999.5 ? 1 : 0;
   return `${fixed(force, decimals)} N`;
 }
 
 /** A share as a percentage. */
 export function percent(share: number): string {
-  return `${digits(100 * share, 2)} %`;
+  return `${digits(100 * share, 2, 4)} %`;
 }

@@ -1,6 +1,6 @@
 // What lies within: cell sets, a tumour or vessels, as surfaces that move with the touch, and how far they have moved.
 import * as THREE from "three";
-import { element, fixed, write } from "./dom";
+import { decimalsOf, element, fixed, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { Skin } from "./skin";
 
@@ -119,9 +119,19 @@ class InnerPart {
   }
 }
 
-/** "6.2 ± 0.3 mm". */
-export function shiftInWords({ distance, band }: Shift): string {
-  return `${fixed(1000 * distance, 1)} ± ${fixed(1000 * band, 1)} mm`;
+/** Decimals of a length in millimetres at the most: what is smaller is rounding. */
+const FINEST = 6;
+
+/** "6.21 ± 0.29 mm", which holds all that the band holds; viscera/parts.py says how it is rounded, and does the same. */
+export function shiftInWords(shift: Shift): string {
+  const [distance, band] = [1000 * shift.distance, 1000 * shift.band];
+  const sizes: [number, number][] = [[band, 2], [distance, 4]];
+  const places = sizes.filter(([size]) => size > 0 && size < Infinity).map(([size, count]) => decimalsOf(size, count));
+  const decimals = places.length > 0 ? Math.max(Math.min(...places, FINEST), 0) : 1;
+  const lost = Math.abs(Number(distance.toFixed(decimals)) - distance);
+  // The machine's rounding does not make 0.31 of 0.3.
+  const units = Math.ceil((band + lost) * 10 ** decimals * (1 - 1e-9));
+  return `${fixed(distance, decimals)} ± ${fixed(units / 10 ** decimals, decimals)} mm`;
 }
 
 /** A third of the area of the triangles around each node, as a part of all. */
