@@ -81,6 +81,16 @@ def test_a_small_organ_has_small_numbers(
     assert 1e-8 < expected < 5e-4
     shown = viewer.page.locator(".big .force").first.inner_text()
     assert float(shown) == pytest.approx(expected, rel=0.06)
+    rows = viewer.page.locator(".orders tbody tr td:nth-child(2)").all_inner_texts()
+    forces = [order["force"] for order in viewer.state["orders"]]
+    assert [float(row) for row in rows] == pytest.approx(forces, rel=0.006)
+    assert " at a depth of 0.0020 mm." in viewer.call("caption")
+    assert "0.0020 mm" in viewer.page.get_by_role("region", name="readings").inner_text()
+    link = viewer.call("hash")
+    other = look_at(f"{viewer.page.url}#{link}")
+    assert other.state["displacement"] == pytest.approx(push.tolist(), rel=1e-4)
+    assert other.state["force"] == pytest.approx(viewer.state["force"], rel=1e-3)
+    other.close()
     # Springs would not stiffen with the tissue.
     assert viewer.page.locator("label.stiffness").count() == 0
     viewer.call("touch", (0.006, 0.001, 0.002), [0.0, 0.0, -0.00027])

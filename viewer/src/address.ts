@@ -1,6 +1,7 @@
 // A touch in an address: #touch=x,y,z;dx,dy,dz&order=4&stiffness=2&colour=displacement&look=cut&from=x,y,z, lengths in
 // millimetres.
 import { COLOURINGS, type Colouring } from "./colouring";
+import { decimalsOf } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LOOKINGS, type Looking } from "./sight";
 import type { View } from "./view";
@@ -24,15 +25,16 @@ interface Carried {
 }
 
 /** What follows the # of an address that shows the touch of a view, seen as it is. */
-export function addressOf({ touching, order, evaluator, display, sight, stage }: View): string {
-  return written({
+export function addressOf({ touching, order, evaluator, display, sight, stage, depth }: View): string {
+  const carried: Carried = {
     ...(touching && { point: touching.point, displacement: touching.displacement }),
     order,
     ...(evaluator.notes.is_stress_free && { stiffness: evaluator.factor }),
     colour: display.painter.colouring,
     look: sight.looking,
     from: stage.camera.position.toArray(),
-  });
+  };
+  return written(carried, depth);
 }
 
 /** Lets a view do what the page's address says, now and whenever it is another one; returns what ends that. */
@@ -55,10 +57,10 @@ function follow(view: View, { point, displacement, order, stiffness, colour, loo
   view.display.speech.say("", ELSEWHERE);
 }
 
-/** What follows the #. */
-function written({ point, displacement, order, stiffness, colour, look, from }: Carried): string {
+/** What follows the #; a place is as exact as the depth [m] that the model is made for asks. */
+function written({ point, displacement, order, stiffness, colour, look, from }: Carried, depth: number): string {
   const said = new URLSearchParams();
-  if (point && displacement) said.set("touch", `${listed(point, 1000, 3)};${listed(displacement, 1000, 3)}`);
+  if (point && displacement) said.set("touch", `${inMillimetres(point, depth)};${inMillimetres(displacement, Math.hypot(...displacement))}`);
   if (order) said.set("order", String(order));
   if (stiffness) said.set("stiffness", String(Number(stiffness.toPrecision(6))));
   if (colour) said.set("colour", colour);
@@ -81,6 +83,11 @@ function read(hash: string): Carried {
   const from = numbers(said.get("from") ?? "", 1);
   if (from && Math.hypot(...from) > 0.1) carried.from = from;
   return carried;
+}
+
+/** A vector with five digits of a length [m]: an organ may be as small as it likes. */
+function inMillimetres(vector: Vec3, length: number): string {
+  return listed(vector, 1000, length > 0 ? Math.min(Math.max(decimalsOf(1000 * length, 5), 0), 20) : 0);
 }
 
 function listed(vector: Vec3, unit: number, decimals: number): string {

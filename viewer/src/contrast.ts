@@ -1,5 +1,5 @@
 // How two organs differ in the same hand.
-import { digits, element, fact, fixed } from "./dom";
+import { depthInWords, element, fact, percent } from "./dom";
 import type { Specimen } from "./specimen";
 
 export class Contrast {
@@ -22,8 +22,8 @@ export class Contrast {
       largest = Math.max(largest, Math.hypot(...a), Math.hypot(...b));
     }
     const off = Math.hypot(...one.facts.force.map((f, i) => f - other.facts.force[i]!));
-    this.apart.textContent = `${fixed(1000 * distance, 1)} mm`;
-    this.shape.textContent = largest > 0 ? `${digits((100 * distance) / largest, 2)} %` : "–";
-    this.force.textContent = one.size > 0 ? `${digits((100 * off) / one.size, 2)} %` : "–";
+    this.apart.textContent = depthInWords(distance);
+    this.shape.textContent = largest > 0 ? percent(distance / largest) : "–";
+    this.force.textContent = one.size > 0 ? percent(off / one.size) : "–";
   }
 }

@@ -3,7 +3,7 @@ import type { Standing } from "./arrow";
 import type { Hit } from "./body";
 import type { Coloured } from "./colouring";
 import type { Display } from "./display";
-import { element, fact, fixed, newtons, percent, write } from "./dom";
+import { depthInWords, element, fact, newtons, percent, write } from "./dom";
 import { doubtOf, doubtOfOrder, roomBeside } from "./doubt";
 import type { Evaluator, Vec3 } from "./evaluator";
 import { apart, distance, distances, norm, spreadError, typical } from "./field";
@@ -282,7 +282,7 @@ class ProbeReadings {
 
   show(force: number, gap: number, error: number, standing: Standing): void {
     write(this.force, newtons(force).slice(0, -2));
-    write(this.depth, `${fixed(Math.max(0, -1000 * gap), 1)} mm`);
+    write(this.depth, depthInWords(Math.max(0, -gap)));
     write(this.error, percent(error));
     this.root.classList.toggle("is-doubtful", standing === "doubtful");
   }

@@ -1,6 +1,6 @@
 // What is read off: the force, the curve, and what every order says about the same touch.
 import { CurvePlot, type Curves } from "./curve";
-import { button, digits, element, fact, fixed, newtons, percent, write } from "./dom";
+import { button, depthInWords, digits, element, fact, fixed, forceDigits, newtons, percent, write } from "./dom";
 import type { Distances } from "./doubt";
 
 /** What one order of the series answers: force [N], relative volume change, how far it is from the highest order. */
@@ -64,7 +64,7 @@ export class Readings {
   /** Shows a touch; null is nobody touching. */
   show(touch: TouchReading | null): void {
     write(this.force, touch ? newtons(touch.force).slice(0, -2) : "0.00");
-    write(this.depth, touch ? `${fixed(1000 * touch.depth, 1)} mm` : "–");
+    write(this.depth, touch ? depthInWords(touch.depth) : "–");
     write(this.error, touch ? percent(touch.error) : "–");
     write(this.shapeError, touch ? percent(touch.shapeError) : "–");
     const K = touch?.stiffness;
@@ -76,9 +76,9 @@ export class Readings {
   showOrder(order: number, reading: OrderReading | null): void {
     const cells = this.rows[order - 1]!.cells;
     const isBest = order === this.rows.length;
-    write(cells[1]!, reading ? digits(reading.force, 3) : "–");
+    write(cells[1]!, reading ? forceDigits(reading.force, 3) : "–");
     write(cells[2]!, reading ? signed(100 * reading.volume) : "–");
-    write(cells[3]!, reading && !isBest ? digits(100 * reading.off, 2) : "–");
+    write(cells[3]!, reading && !isBest ? digits(100 * reading.off, 2, 4) : "–");
     cells[2]!.classList.toggle("is-wrong", reading !== null && Math.abs(reading.volume) > 0.01);
     cells[3]!.classList.toggle("is-wrong", reading !== null && !isBest && reading.off > 0.05);
   }

@@ -1,7 +1,7 @@
 // One touch and everything that follows from it: the answer, the field of the chosen order, what every order says.
 import type { Standing } from "./arrow";
 import { sample, type Curves } from "./curve";
-import { digits, fixed, newtons, percent } from "./dom";
+import { depthInWords, digits, newtons, percent } from "./dom";
 import { doubtOf, doubtOfOrder, roomBeside, type Distances } from "./doubt";
 import type { Answer, Evaluator, Felt, Vec3 } from "./evaluator";
 import { apart, displacementAt, distance, distances, norm, spreadError, typical } from "./field";
@@ -121,7 +121,7 @@ export class TouchState {
 
   /** The touch as one would say it, and what it is worth if that is to be said, too. */
   inShort(order: number, worth = ""): string {
-    const size = `${newtons(Math.hypot(...this.force))} at a depth of ${fixed(1000 * this.depth, 1)} mm`;
+    const size = `${newtons(Math.hypot(...this.force))} at a depth of ${depthInWords(this.depth)}`;
     return `${[size, ...conditions(this.evaluator, order), worth].filter(Boolean).join(", ")}.`;
   }
 
