@@ -149,6 +149,73 @@ def test_a_film_is_saved(viewer: Viewer) -> None:
     assert film.get_attribute("aria-pressed") == "false"
 
 
+# Keeps how wide and high the organ is drawn into a picture, and how many pixels it has.
+RECORD = """() => {
+    const draw = CanvasRenderingContext2D.prototype.drawImage;
+    CanvasRenderingContext2D.prototype.drawImage = function (image, x, y, width, height) {
+        window.drawn = { from: [image.width, image.height], at: [x, y], to: [width, height],
+                         on: [this.canvas.width, this.canvas.height] };
+        return draw.call(this, image, x, y, width, height);
+    };
+}"""
+
+
+def test_a_film_keeps_the_proportions_where_the_window_is_turned(
+    server: Server, look_at: Callable[..., Viewer]
+) -> None:
+    turned = look_at(server.url)
+    turned.page.evaluate(RECORD)
+    turned.page.evaluate("() => viscera.share.film()")
+    turned.page.wait_for_function("() => viscera.share.frames > 0")
+    size = turned.page.evaluate("() => window.drawn.on")
+    turned.page.set_viewport_size({"width": 500, "height": 900})
+    turned.page.wait_for_function("() => viscera.stage.canvas.clientWidth === 500 && window.drawn.from[0] < 500")
+    drawn = turned.page.evaluate("() => window.drawn")
+    assert drawn["on"] == size
+    assert drawn["to"][0] / drawn["to"][1] == pytest.approx(drawn["from"][0] / drawn["from"][1], rel=1e-6)
+    # It fits, in the middle.
+    for i in range(2):
+        assert drawn["to"][i] <= size[i] * (1 + 1e-6)
+        assert 2 * drawn["at"][i] + drawn["to"][i] == pytest.approx(size[i], rel=1e-6)
+    with turned.page.expect_download():
+        turned.page.evaluate("() => viscera.share.film()")
+    assert turned.complaints == []
+    turned.close()
+
+
+def test_a_picture_of_what_moves_on_a_slow_machine_has_all_pixels(
+    server: Server, look_at: Callable[..., Viewer]
+) -> None:
+    slow = look_at(server.url)
+    slow.page.evaluate(
+        """() => {
+            Object.defineProperty(viscera.stage.pace, "rate", { get: () => 5 });
+            Object.defineProperty(viscera.stage.pace, "isAtRest", { get: () => false });
+        }"""
+    )
+    full = slow.page.evaluate("() => Math.min(devicePixelRatio, 2)")
+    slow.page.wait_for_function("(full) => viscera.stage.renderer.getPixelRatio() < full", arg=full)
+    wanted = slow.page.evaluate("() => ['clientWidth', 'clientHeight'].map((side) => viscera.stage.canvas[side])")
+    slow.page.evaluate(RECORD)
+    slow.page.evaluate("() => void viscera.share.drawn()")
+    drawn = slow.page.evaluate("() => window.drawn")
+    assert drawn["from"] == drawn["on"] == pytest.approx([full * side for side in wanted], abs=1)
+    # The next frames save pixels again.
+    slow.page.wait_for_function("(full) => viscera.stage.renderer.getPixelRatio() < full", arg=full)
+    assert slow.complaints == []
+    slow.close()
+
+
+def test_a_picture_of_a_load_path_says_its_force(viewer: Viewer) -> None:
+    viewer.call("setOrder", 1)
+    viewer.call("togglePath")
+    viewer.page.wait_for_function("() => viscera.touching && Math.hypot(...viscera.touching.force) > 0.1")
+    caption, worth = viewer.page.evaluate("() => [viscera.caption(), viscera.touching.worth(1)]")
+    assert " N at a depth of " in caption
+    assert caption.endswith(f", order 1{worth and f', {worth}'}.")
+    viewer.call("setOrder", 4)
+
+
 def test_the_scale_bar_is_as_long_as_it_says(viewer: Viewer) -> None:
     viewer.page.wait_for_function("() => viscera.display.gauge.bar.dataset.metres")
     metres, pixels, ends = viewer.page.evaluate(

@@ -45,11 +45,9 @@ export class Share {
 
   /** The organ as it is seen, on its ground and with its caption, as a canvas. */
   drawn(): HTMLCanvasElement {
-    const { canvas, renderer, scene, camera } = this.stage;
-    const picture = element("canvas");
-    [picture.width, picture.height] = [canvas.width, canvas.height];
-    renderer.render(scene, camera);
-    this.compose(picture);
+    this.stage.drawSharply();
+    const picture = this.blank();
+    this.compose(picture, this.stage.fullRatio);
     return picture;
   }
 
@@ -57,14 +55,26 @@ export class Share {
     this.recorder?.stop();
   }
 
-  private compose(picture: HTMLCanvasElement): void {
+  /** A picture with all pixels that the organ may be drawn with. */
+  private blank(): HTMLCanvasElement {
+    const { canvas, fullRatio } = this.stage;
+    const picture = element("canvas");
+    picture.width = Math.max(Math.floor(canvas.clientWidth * fullRatio), 1);
+    picture.height = Math.max(Math.floor(canvas.clientHeight * fullRatio), 1);
+    return picture;
+  }
+
+  /** Draws the organ in the middle of a picture, as large as it fits, and its words, with a unit for a CSS pixel. */
+  private compose(picture: HTMLCanvasElement, unit: number): void {
     const context = picture.getContext("2d")!;
     const { canvas } = this.stage;
     const style = getComputedStyle(this.ground);
     context.fillStyle = style.getPropertyValue("--panel").trim();
     context.fillRect(0, 0, picture.width, picture.height);
-    context.drawImage(canvas, 0, 0, picture.width, picture.height);
-    const unit = picture.width / Math.max(canvas.clientWidth, 1);
+    // A film goes on where a window is made narrower, or a telephone is turned.
+    const scale = Math.min(picture.width / canvas.width, picture.height / canvas.height);
+    const [width, height] = [scale * canvas.width, scale * canvas.height];
+    context.drawImage(canvas, 0.5 * (picture.width - width), 0.5 * (picture.height - height), width, height);
     context.fillStyle = style.getPropertyValue("--ink").trim();
     context.font = `${14 * unit}px ${style.fontFamily}`;
     const caption = [this.shared.title, this.shared.caption()].filter(Boolean).join(" · ");
@@ -81,9 +91,8 @@ export class Share {
   /** Begins a film, or ends it. */
   private film(): void {
     if (this.recorder) return this.recorder.stop();
-    const { canvas } = this.stage;
-    const picture = element("canvas");
-    [picture.width, picture.height] = [canvas.width, canvas.height];
+    const picture = this.blank();
+    const unit = this.stage.fullRatio;
     const recorder = new MediaRecorder(picture.captureStream(RATE));
     const parts: Blob[] = [];
     recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
@@ -98,7 +107,7 @@ export class Share {
     // While the organ's drawing is there: a browser clears it once it has been shown.
     this.frames = 0;
     this.stage.onDrawn = () => {
-      this.compose(picture);
+      this.compose(picture, unit);
       this.frames += 1;
     };
     this.recorder = recorder;

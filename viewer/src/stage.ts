@@ -61,7 +61,7 @@ export class Stage {
     facing: Vec3,
   ) {
     this.renderer = new THREE.WebGLRenderer({ canvas, context: drawingContext(canvas) });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setPixelRatio(this.fullRatio);
     this.renderer.toneMapping = THREE.NeutralToneMapping;
     this.renderer.toneMappingExposure = 1;
     this.light();
@@ -177,6 +177,17 @@ export class Stage {
     return { x: (0.5 + 0.5 * at.x) * this.canvas.clientWidth, y: (0.5 - 0.5 * at.y) * this.canvas.clientHeight };
   }
 
+  /** Draws what is seen with all pixels, whatever moves: the next frame may have fewer again. A headset has its own. */
+  drawSharply(): void {
+    if (this.isCoarse && !this.renderer.xr.isPresenting) this.coarsen(false);
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Pixels of the drawing for each CSS pixel, while none are saved. */
+  get fullRatio(): number {
+    return Math.min(window.devicePixelRatio, 2);
+  }
+
   dispose(): void {
     this.renderer.setAnimationLoop(null);
     this.observer.disconnect();
@@ -233,9 +244,13 @@ export class Stage {
     const { rate, isAtRest } = this.pace;
     const isCoarse = !isAtRest && (this.isCoarse || (rate > 0 && rate < SLUGGISH));
     if (isCoarse === this.isCoarse) return;
-    this.isCoarse = isCoarse;
-    this.renderer.setPixelRatio((isCoarse ? COARSE : 1) * Math.min(window.devicePixelRatio, 2));
+    this.coarsen(isCoarse);
     this.invalidate();
+  }
+
+  private coarsen(isCoarse: boolean): void {
+    this.isCoarse = isCoarse;
+    this.renderer.setPixelRatio((isCoarse ? COARSE : 1) * this.fullRatio);
   }
 
   private frame(time: number): void {

@@ -392,7 +392,7 @@ export class View implements Touched, Keyed, Shared {
   caption(): string {
     const { touching, two, order } = this;
     if (two.isShown) return two.inWords.filter(Boolean).join(" ");
-    return touching && this.activity !== "path" ? this.display.caption(touching, order, touching.worth(order)) : "";
+    return touching ? this.display.caption(touching, order, touching.worth(order)) : "";
   }
 
   /** What an address carries that shows this touch, seen like this. */
