@@ -100,6 +100,24 @@ def test_two_fingers_hold_the_organ_of_a_model(telephone: Viewer, touch: vs.Touc
     said = viewer.page.get_by_role("region", name="two hands")
     assert said.is_visible()
     assert "second hand" in said.inner_text()
+    assert "without orders and without an estimated error" in said.inner_text()
+    # What is stepped is coloured as the model is, by all that is known of it.
+    painted = "() => [!viscera.two.duet.body.isTissue, ...viscera.two.duet.painter.values]"
+    field = np.reshape(two["field"], (-1, 3))
+    viewer.call("setColouring", "displacement")
+    viewer.page.locator(".legend:visible").get_by_text("displacement [mm]").wait_for()
+    is_painted, *values = viewer.page.evaluate(painted)
+    assert is_painted
+    assert values == pytest.approx(np.linalg.norm(field, axis=1).tolist(), rel=1e-3, abs=1e-6)
+    viewer.call("setColouring", "strain")
+    viewer.page.locator(".legend:visible").get_by_text("surface strain [%]").wait_for()
+    is_painted, *values = viewer.page.evaluate(painted)
+    assert is_painted
+    assert max(values) > 1e-3
+    viewer.call("setColouring", "error")
+    viewer.page.wait_for_function("() => viscera.two.duet.body.isTissue")
+    assert viewer.page.locator(".legend:visible").count() == 0
+    viewer.call("setColouring", "tissue")
     # One lets go, the other holds on; then the model answers again.
     fingers("touchEnd", (x1, y1 + 40), first=1)
     viewer.page.wait_for_function("() => viscera.state().two.hands.filter(Boolean).length === 1")

@@ -60,7 +60,10 @@ function follow(view: View, { point, displacement, order, stiffness, colour, loo
 /** What follows the #; a place is as exact as the depth [m] that the model is made for asks. */
 function written({ point, displacement, order, stiffness, colour, look, from }: Carried, depth: number): string {
   const said = new URLSearchParams();
-  if (point && displacement) said.set("touch", `${inMillimetres(point, depth)};${inMillimetres(displacement, Math.hypot(...displacement))}`);
+  if (point && displacement) {
+    const size = Math.hypot(...displacement);
+    said.set("touch", `${inMillimetres(point, depth)};${inMillimetres(displacement, size)}`);
+  }
   if (order) said.set("order", String(order));
   if (stiffness) said.set("stiffness", String(Number(stiffness.toPrecision(6))));
   if (colour) said.set("colour", colour);

@@ -38,7 +38,7 @@ export class Display {
     const { metadata } = evaluator.about;
     this.speech = new Speech(stage);
     this.body = new Body(evaluator);
-    this.painter = new Painter(evaluator, this.body, this.legend);
+    this.painter = new Painter(evaluator, this.body, this.legend, metadata);
     this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius, metadata.radius);
     this.inside = new Inside(evaluator.rest, evaluator.notes.inside ?? []);
     this.readings = new Readings(metadata.order, chooseOrder);

@@ -1,5 +1,6 @@
 // Two hands on a reduced model, which knows one contact: while both hold on, its organ is stepped by a worker of the page.
 import type { Body, Hit } from "./body";
+import type { Painter } from "./colouring";
 import { Conversation, introduction } from "./conversation";
 import type { Display } from "./display";
 import { digits, element, write } from "./dom";
@@ -15,7 +16,8 @@ import type { Told } from "./told";
 import type { TouchState } from "./touchstate";
 import { forces, trouble } from "./verdict";
 
-const WORDS = "With two hands the organ itself is stepped; the reduced model has one contact.";
+const WORDS =
+  "With two hands the organ itself is stepped, without orders and without an estimated error; the reduced model has one contact.";
 /** Frames after which the stepped organ is shown even if it has not settled. */
 const PATIENCE = 20;
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
@@ -55,7 +57,7 @@ export class Duet {
       const own: [string, string] = [hello.law, lawName(hello.law)];
       const specimen = new Specimen(surface, hello.radius, stage, display.gauge.root, [own], hello.law, "", () => {});
       labels.append(...specimen.grips.map(({ label }) => label.root));
-      return new Duet(stage, display, link, specimen, hello.radius);
+      return new Duet(stage, display, link, specimen, hello.radius, display.painter.beside(surface, specimen.body));
     } catch (error) {
       link.close();
       throw error;
@@ -68,6 +70,7 @@ export class Duet {
     private readonly link: Link,
     readonly specimen: Specimen,
     private readonly radius: number,
+    private readonly painter: Painter,
   ) {
     this.conversation = new Conversation(link);
     this.conversation.onFrame = (numbers) => this.take(numbers);
@@ -151,7 +154,8 @@ export class Duet {
     // A force on its way may be of any size: it does not set the scale.
     if (facts.isSettled) this.peak = Math.max(this.peak, ...sizes);
     specimen.hold(this.holding, this.peak || Math.max(...sizes));
-    specimen.body.paintTissue();
+    this.painter.colouring = this.display.painter.colouring;
+    this.painter.show(specimen, 0);
   }
 
   /** Writes the forces beside their arrows. */
