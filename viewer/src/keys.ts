@@ -1,4 +1,9 @@
 // The keyboard: everything a hand can do.
+import type { Stage } from "./stage";
+
+/** A key turns the view by so much [rad], and zooms by this factor. */
+const TURN = Math.PI / 12;
+const ZOOM = 1.15;
 
 /** What keys do to a view; a view that knows no orders, paths or modes leaves those out. */
 export interface Keyed {
@@ -13,6 +18,9 @@ export interface Keyed {
   /** Lets go and looks from where it looked first. */
   reset(): void;
   readonly help: HTMLDialogElement;
+  readonly stage: Pick<Stage, "turn" | "zoom">;
+  /** The menu of pictures. */
+  readonly share: { readonly root: HTMLElement };
   nextLook(): void;
   setOrder?(order: number): void;
   toggleKeeping?(): void;
@@ -30,7 +38,8 @@ export const KEYS: readonly [string, string][] = [
   ["Enter", "touch the middle"],
   ["↑ ↓ ← →", "move the contact; Shift for small steps"],
   ["+ −", "push in, pull out"],
-  ["Esc", "let go, close this help"],
+  ["Esc", "let go, close this help or the menu"],
+  ["E  S  D  X", "look from above, the left, the right, below; Z zooms in, Shift and Z out"],
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
   ["F  I", "take a probe, or the contact itself; look: solid, translucent, cut open"],
@@ -47,7 +56,8 @@ export const LIVE_KEYS: readonly [string, string][] = [
   ["Enter", "take hold of the middle"],
   ["↑ ↓ ← →", "move the hand; Shift for small steps"],
   ["+ −", "push in, pull out"],
-  ["Esc", "let go, close this help"],
+  ["Esc", "let go, close this help or the menu"],
+  ["E  S  D  X", "look from above, the left, the right, below; Z zooms in, Shift and Z out"],
   ["C  W", "colour, wireframe at rest"],
   ["F  I", "forces: arrows or probes; look: solid, translucent, cut open"],
   ["T  R  ?", "light or dark theme, reset, this help"],
@@ -56,6 +66,7 @@ export const LIVE_KEYS: readonly [string, string][] = [
 /** The same of a solved state, which is only looked at. */
 export const STILL_KEYS: readonly [string, string][] = [
   ["drag", "turn the view; zoom with the wheel or with two fingers"],
+  ["E  S  D  X", "look from above, the left, the right, below; Z zooms in, Shift and Z out"],
   ["C  W", "colour, wireframe at rest"],
   ["I", "look: solid, translucent, cut open"],
   ["T  R  ?", "light or dark theme, reset the view, this help"],
@@ -82,7 +93,12 @@ export function listen(root: HTMLElement, view: Keyed): () => void {
     else if (key === "ArrowDown") view.nudge(0, -step, 0);
     else if (key === "+" || key === "=" || key === "PageDown") view.nudge(0, 0, step);
     else if (key === "-" || key === "_" || key === "PageUp") view.nudge(0, 0, -step);
-    else if (key === "Escape") view.rest();
+    else if (key === "Escape") leave(view);
+    else if (key === "e") view.stage.turn(0, TURN);
+    else if (key === "x") view.stage.turn(0, -TURN);
+    else if (key === "s") view.stage.turn(-TURN, 0);
+    else if (key === "d") view.stage.turn(TURN, 0);
+    else if (key === "z") view.stage.zoom(event.shiftKey ? 1 / ZOOM : ZOOM);
     else if (key === "c") view.nextColouring();
     else if (key === "w") view.toggleOutline();
     else if (key === "f") view.toggleProbe();
@@ -100,11 +116,20 @@ export function listen(root: HTMLElement, view: Keyed): () => void {
   };
   const listener = (event: KeyboardEvent) => {
     root.classList.add("has-keys");
-    // Sliders and lists need their own keys, and a button its Enter.
+    // Sliders and lists need their own keys, and what is pressed its Enter.
     const control = event.target instanceof Element ? event.target.tagName : "";
-    if (control === "INPUT" || control === "SELECT" || (control === "BUTTON" && event.key === "Enter")) return;
+    if (control === "INPUT" || control === "SELECT") return;
+    if (event.key === "Enter" && (control === "BUTTON" || control === "SUMMARY")) return;
     if (act(event)) event.preventDefault();
   };
   root.addEventListener("keydown", listener);
   return () => root.removeEventListener("keydown", listener);
+}
+
+/** Closes the menu of pictures where it is open, and gives the focus back to what opens it; lets go elsewhere. */
+function leave(view: Keyed): void {
+  const { root } = view.share;
+  if (!root.hasAttribute("open")) return view.rest();
+  root.removeAttribute("open");
+  root.querySelector("summary")?.focus();
 }

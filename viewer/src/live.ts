@@ -57,7 +57,7 @@ export class LiveView implements Touched, Keyed, Shared {
   private readonly row: Row;
   private readonly conversation: Conversation;
   private readonly surface: Surface;
-  private readonly stage: Stage;
+  readonly stage: Stage;
   readonly sight: Sight;
   readonly share: Share;
   private readonly gauge: Gauge;

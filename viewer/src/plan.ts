@@ -12,7 +12,7 @@ export class Plan {
     gesture: string,
     private readonly isEmbedded: boolean,
   ) {
-    this.canvas.setAttribute("aria-label", `${title}. ${gesture} Press ? for the keys.`);
+    this.canvas.setAttribute("aria-label", `${title}. ${gesture} E, S, D and X turn the view. Press ? for the keys.`);
     this.root = element("div", { class: isEmbedded ? "view is-embedded" : "view" }, this.canvas);
     this.host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
   }

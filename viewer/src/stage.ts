@@ -10,6 +10,8 @@ import { studio } from "./studio";
 const FIELD = 32;
 const DISTANCE = 1.85;
 const MARGIN = 1.12;
+/** How close the view comes to the axis that is upright when keys turn it [rad]. */
+const CLOSEST = 0.02;
 /** What is said until the browser gives the drawing back. */
 export const CONTEXT_LOST = "The browser has released the graphics processor. The organ comes back with it; if it does not, reload the page.";
 /** Below so many frames a second pixels are saved; the share of them that is left along each side. */
@@ -102,6 +104,25 @@ export class Stage {
     this.camera.position.set(...place);
     this.controls.update();
     this.invalidate();
+  }
+
+  /** Goes round what is looked at, to the right and up [rad]; a hand that holds on keeps the view. */
+  turn(right: number, up: number): void {
+    if (!this.controls.enabled) return;
+    const { target } = this.controls;
+    const off = this.camera.position.clone().sub(target);
+    const pole = this.camera.up;
+    const [low, high] = [CLOSEST - off.angleTo(pole), Math.PI - CLOSEST - off.angleTo(pole)];
+    const axis = new THREE.Vector3().crossVectors(pole, off).normalize();
+    off.applyAxisAngle(axis, Math.min(Math.max(-up, low), high)).applyAxisAngle(pole, right);
+    this.lookFrom(off.add(target).toArray());
+  }
+
+  /** Comes closer to what is looked at by a factor, as far as the controls allow. */
+  zoom(factor: number): void {
+    if (!this.controls.enabled) return;
+    const { target } = this.controls;
+    this.lookFrom(this.camera.position.clone().sub(target).divideScalar(factor).add(target).toArray());
   }
 
   /** Direction of the first view, from the organ to the viewer. */
