@@ -75,3 +75,25 @@ def test_escape_closes_the_menu_and_keeps_the_touch(viewer: Viewer) -> None:
     assert viewer.state["activity"] == "kept"
     viewer.page.keyboard.press("Escape")
     assert viewer.state["activity"] == "rest"
+
+
+def test_sliders_say_what_they_show(viewer: Viewer) -> None:
+    """Not where they stand on their own scales."""
+
+    def said(label: str) -> str | None:
+        text: str | None = viewer.page.get_by_label(label, exact=True).get_attribute("aria-valuetext")
+        return text
+
+    assert said("stiffness") == "1.0 times"
+    viewer.call("setStiffness", 2)
+    assert said("stiffness") == "2.0 times"
+    viewer.call("setStiffness", 1)
+    viewer.page.get_by_role("button", name="Cut").click()
+    assert said("depth of the cut") == "through the middle"
+    viewer.page.get_by_label("depth of the cut").fill("0.1")
+    diagonal = viewer.page.evaluate("() => viscera.stage.diagonal")
+    assert said("depth of the cut") == f"{100 * diagonal:.3g} mm behind the middle"
+    viewer.page.get_by_role("button", name="Solid").click()
+    viewer.call("toggleModes")
+    viewer.call("stepMode", 1)
+    assert (said("mode") or "").startswith("F2 of ")

@@ -86,6 +86,7 @@ export class Modes {
     this.index = Math.min(Math.max(index, 0), Math.max(count - 1, 0));
     this.slider.max = String(Math.max(count - 1, 0));
     this.slider.value = String(this.index);
+    this.slider.setAttribute("aria-valuetext", `F${this.index + 1} of ${count}`);
     this.number.replaceChildren("F", element("sub", {}, String(this.index + 1)), ` of ${count}`);
     this.field = this.evaluator.mode(start + this.index).slice();
     this.paint();

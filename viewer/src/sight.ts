@@ -1,7 +1,7 @@
 // How the organ is looked at: whole, translucent, or cut open by a plane that faces the viewer.
 import * as THREE from "three";
 import type { Body } from "./body";
-import { element, Segments } from "./dom";
+import { element, millimetres, Segments } from "./dom";
 import type { Stage } from "./stage";
 
 export type Looking = "solid" | "translucent" | "cut";
@@ -46,7 +46,7 @@ export class Sight {
       this.stage.place();
       const away = camera.getWorldDirection(new THREE.Vector3()).transformDirection(world.matrixWorld.clone().invert());
       this.plane.setFromNormalAndCoplanarPoint(away, new THREE.Vector3(...centre));
-      this.slider.value = "0";
+      this.sayPlace(0);
     }
     this.renew();
     this.changed();
@@ -59,10 +59,19 @@ export class Sight {
   /** Moves the cut to a place along its normal [diagonals], 0 being the organ's middle. */
   cutAt(place: number): void {
     const { centre, diagonal } = this.stage;
-    this.slider.value = String(place);
+    this.sayPlace(place);
     const through = new THREE.Vector3(...centre).addScaledVector(this.plane.normal, place * diagonal);
     this.plane.setFromNormalAndCoplanarPoint(this.plane.normal.clone(), through);
     this.renew();
+  }
+
+  /** Puts the slider at a place of the cut [diagonals], and says it in millimetres to those who listen. */
+  private sayPlace(place: number): void {
+    this.slider.value = String(place);
+    const off = Number(this.slider.value);
+    const side = off < 0 ? "before" : "behind";
+    const words = off === 0 ? "through the middle" : `${millimetres(Math.abs(off) * this.stage.diagonal)} ${side} the middle`;
+    this.slider.setAttribute("aria-valuetext", words);
   }
 
   /** Gives bodies that are new the present look. */

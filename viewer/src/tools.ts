@@ -97,11 +97,14 @@ export class Tools {
     this.stiffness.addEventListener("input", () => view.setStiffness(2 ** Number(this.stiffness.value)));
     (Object.keys(this.switches) as Switch[]).forEach((name) => this.press(name, false));
     this.help = helpDialog("Touch the organ", KEYS);
+    this.sayStiffness(view.evaluator.factor);
   }
 
   sayStiffness(factor: number): void {
     this.stiffness.value = String(Math.log2(factor));
     this.factor.textContent = `× ${digits(factor, 2)}`;
+    // The slider itself stands at the factor's logarithm.
+    this.stiffness.setAttribute("aria-valuetext", `${digits(factor, 2)} times`);
     this.factor.parentElement?.classList.toggle("is-changed", factor !== 1);
   }
 
