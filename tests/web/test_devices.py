@@ -101,3 +101,21 @@ def test_a_damaged_model_is_a_sentence(browser: Any, server: Server) -> None:
         words = tab.get_by_text("The organ cannot be shown: not a usable model file")
         words.wait_for()
         tab.close()
+
+
+def test_a_slow_network_is_a_line(browser: Any, server: Server) -> None:
+    """Until the viewer itself has come; the line goes when it has."""
+    tab = browser.new_page()
+    line = tab.get_by_text("Loading the page")
+    seen = []
+
+    def late(route: Any) -> None:
+        seen.append(line.is_visible())
+        route.continue_()
+
+    tab.route("**/viewer.js", late)
+    tab.goto(server.url)
+    tab.wait_for_function("() => window.viscera")
+    assert seen == [True]
+    assert line.count() == 0
+    tab.close()

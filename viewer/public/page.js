@@ -8,6 +8,7 @@ import("./viewer.js").then(
         ? "This page needs a web server: a browser does not let a page that is opened from a disk load its parts. " +
           "Run python -m http.server in its folder, then open http://localhost:8000."
         : "The page cannot load viewer.js. Reload the page, or use a newer browser.";
+    document.querySelector(".loading").remove();
     document.body.append(sentence);
   },
 );

@@ -54,6 +54,7 @@ function isFramed(): boolean {
 
 /** Fills the page with a view, or with the sentence that says why not. */
 async function show(place: HTMLElement, make: (say: (words: string) => void) => Promise<View | LiveView>): Promise<void> {
+  place.querySelector(":scope > .loading")?.remove();
   const notice = new Notice(place, "Loading the organ …");
   try {
     enter(await make((words) => notice.say(words)));
