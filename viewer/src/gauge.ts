@@ -47,7 +47,9 @@ export class Gauge {
   /** Follows the camera. */
   follow(): void {
     const { stage } = this;
-    const { camera, canvas } = stage;
+    const { camera, canvas, clearing } = stage;
+    // Where hardly anything of the organ is in the open there is nothing to measure.
+    this.root.hidden = Math.min(clearing.clientWidth, clearing.clientHeight) < SIZE;
     const seen = camera.matrixWorldInverse.clone().multiply(stage.world.matrixWorld);
     const width = Math.min(LONGEST, 0.3 * canvas.clientWidth);
     const now = `${seen.elements.map((x) => x.toPrecision(5)).join()} ${camera.fov} ${canvas.clientHeight}`;

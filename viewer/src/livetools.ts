@@ -39,6 +39,7 @@ export class LiveTools {
   readonly tool: Segments<Tool>;
   readonly colouring: Segments<LiveColouring>;
   private readonly news = element("span");
+  private readonly about: HTMLElement;
   private readonly outline: HTMLButtonElement;
   private readonly probe: HTMLButtonElement;
 
@@ -50,8 +51,8 @@ export class LiveTools {
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);
     const names = organs.map((name, k) => element("span", { class: "organ", style: `--tissue: ${css(tissueOf(k))}` }, name));
-    const about = element("p", {}, ...names, facts.join(" · "), this.news);
-    this.header = element("header", {}, element("h1", {}, view.title), about, corner);
+    this.about = element("p", { title: facts.join(" · ") }, ...names, facts.join(" · "), this.news);
+    this.header = element("header", {}, element("h1", {}, view.title), this.about, corner);
     this.tool = new Segments<Tool>(
       "tool",
       [
@@ -81,6 +82,7 @@ export class LiveTools {
   /** Says what is under way. */
   say(words: string): void {
     write(this.news, ` · ${words}`);
+    this.about.title = this.about.textContent ?? "";
   }
 
   get hasProbe(): boolean {

@@ -10,6 +10,8 @@ import { studio } from "./studio";
 const FIELD = 32;
 const DISTANCE = 1.85;
 const MARGIN = 1.12;
+/** The organ is drawn as large as in a clearing of this size at the least [px]. */
+const LEAST = 48;
 /** How close the view comes to the axis that is upright when keys turn it [rad]. */
 const CLOSEST = 0.02;
 /** What is said until the browser gives the drawing back. */
@@ -157,7 +159,8 @@ export class Stage {
     this.renderer.setSize(width, height, false);
     const [across, up] = this.slopes();
     // Pixels for a slope of one: so many that all is seen, and no more than on a wide screen.
-    const fitting = Math.min(clearing.clientWidth / across, clearing.clientHeight / up) / MARGIN;
+    const [wide, high] = [Math.max(clearing.clientWidth, LEAST), Math.max(clearing.clientHeight, LEAST)];
+    const fitting = Math.min(wide / across, high / up) / MARGIN;
     const pixels = Math.max(Math.min(0.5 * fitting, (0.5 * height) / Math.tan(0.5 * FIELD * THREE.MathUtils.DEG2RAD)), 1);
     camera.aspect = width / height;
     camera.fov = 2 * THREE.MathUtils.RAD2DEG * Math.atan((0.5 * height) / pixels);

@@ -43,7 +43,7 @@ export class Tools {
       "header",
       {},
       element("h1", {}, view.title),
-      element("p", {}, facts.join(" · ")),
+      element("p", { title: facts.join(" · ") }, facts.join(" · ")),
       element(
         "div",
         { class: "corner" },
