@@ -6,7 +6,7 @@ use crate::specimen::{BUDGET, FACTS, Specimen};
 use serde_json::json;
 use viscera_core::Error;
 use viscera_core::equilibrium::OnDevice;
-use viscera_core::mesh::{Patch, Surface};
+use viscera_core::mesh::{NoPatch, Patch, Surface};
 
 /// Largest component of gravity [m/s^2].
 const STRONGEST_GRAVITY: f64 = 100.0;
@@ -164,11 +164,16 @@ impl Live {
     fn patch(&self, point: [f64; 3]) -> Result<Patch, Error> {
         let radius = self.case.about.radius;
         let is_fixed = |node: u32| self.case.fixed.binary_search(&node).is_ok();
-        self.surface.patch_at_point(point, radius, &is_fixed).ok_or_else(|| {
+        self.surface.patch_at_point(point, radius, &is_fixed).map_err(|fault| {
             let ([x, y, z], radius) = (point.map(millimetres), millimetres(radius));
-            Error::input(format!(
-                "there is no free surface within {radius} mm of the point ({x}, {y}, {z}) mm; take hold elsewhere"
-            ))
+            Error::input(match fault {
+                NoPatch::TooFar => format!(
+                    "there is no free surface within {radius} mm of the point ({x}, {y}, {z}) mm; take hold elsewhere"
+                ),
+                NoPatch::Excluded => format!(
+                    "the surface is fixed at the point ({x}, {y}, {z}) mm; take hold beside it"
+                ),
+            })
         })
     }
 

@@ -160,9 +160,19 @@ fn two_hands_at_one_place_are_a_sentence_and_the_first_holds_on() {
 
 #[test]
 fn where_nothing_can_be_held_is_said_in_millimetres() {
-    let refusal = live().answer(r#"{"grab": [-0.0300004, 1e-17, 0.05]}"#).unwrap_err().to_string();
-    let words = "no free surface within 60 mm of the point (-30, 0, 50) mm; take hold elsewhere";
-    assert!(refusal.contains(words), "{refusal}");
+    for (grab, words) in [
+        (
+            [-0.0700004, 1e-17, 0.05],
+            "no free surface within 60 mm of the point (-70, 0, 50) mm; take hold elsewhere",
+        ),
+        (
+            [-0.0300004, 1e-17, 0.05],
+            "the surface is fixed at the point (-30, 0, 50) mm; take hold beside it",
+        ),
+    ] {
+        let refusal = live().answer(&json!({"grab": grab}).to_string()).unwrap_err().to_string();
+        assert!(refusal.contains(words), "{refusal}");
+    }
 }
 
 #[test]

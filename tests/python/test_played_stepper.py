@@ -73,6 +73,8 @@ def test_a_hold_stays_where_another_is_refused(organ: vs.Organ) -> None:
         shown.answer(NOWHERE, PUSH)
     assert frame(shown)[1:4] == pytest.approx(told["force"], rel=1e-3)
     assert "no free surface" in json.loads(shown.reply(json.dumps({"grab": NOWHERE, "move": PUSH})))["error"]
+    with pytest.raises(vs.VisceraError, match=r"the surface is fixed at the point \(0, 40, 60\) mm; take hold beside"):
+        shown.answer((0.0, 0.04, 0.06), PUSH)
     assert frame(shown)[1:4] == pytest.approx(told["force"], rel=1e-3)
     frame(shown, second={"grab": (0.2, 0.05, 0.1), "move": (0, 0, 0)})
     with pytest.raises(vs.VisceraError, match="both hands hold the same place"):

@@ -35,8 +35,8 @@ def test_what_cannot_be_held_is_let_go_and_the_page_goes_on_saying_so(live: View
         live.call("setGravity", [0, 0, -0.1 * k])  # frames go on
         settle(live)
     said = warning.inner_text()
-    assert said.startswith("there is no free surface within 42.4 mm of the point (0, ")
-    assert said.endswith(") mm; take hold elsewhere")
+    assert said.startswith("the surface is fixed at the point (0, ")
+    assert said.endswith(") mm; take hold beside it")
     assert live.state["held"] is None
     assert live.call("caption") == ""
     assert live.page.evaluate("() => viscera.told.force") is None

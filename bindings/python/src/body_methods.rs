@@ -21,6 +21,7 @@ use std::sync::Arc;
 use viscera_core::contact::Contact;
 use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Newton, Origin, PatchLoad, Problem};
+use viscera_core::mesh::NoPatch;
 use viscera_core::reduced::{Batches, Notes, Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter, SeriesDevice};
 use viscera_core::{body, mesh};
@@ -264,10 +265,15 @@ impl Body {
         let point = convert::vector("point", &point)?;
         let excluded = |node: u32| self.fixed.binary_search(&node).is_ok();
         let patch = self.surface.patch_at_point(point, radius, &excluded);
-        patch.map(|patch| Patch { patch }).ok_or_else(|| {
-            VisceraError::new_err(format!(
-                "there is no free surface within {radius} m of the point {point:?}; move the point or widen the radius"
-            ))
+        patch.map(|patch| Patch { patch }).map_err(|fault| {
+            VisceraError::new_err(match fault {
+                NoPatch::TooFar => format!(
+                    "there is no free surface within {radius} m of the point {point:?}; move the point or widen the radius"
+                ),
+                NoPatch::Excluded => format!(
+                    "the surface is fixed at the point {point:?}, and what is fixed cannot be held; move the point beside it"
+                ),
+            })
         })
     }
 

@@ -21,7 +21,7 @@ pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use crossing::crossing;
 pub use locate::{Located, Locator};
 pub use overlap::{Piece, overlap, overlap_of};
-pub use patch::Patch;
+pub use patch::{NoPatch, Patch};
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};
 pub use sphere::Sphere;

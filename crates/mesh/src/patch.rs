@@ -42,17 +42,28 @@ impl FromIterator<(u32, f64)> for Patch {
     }
 }
 
+/// Why there is no patch around a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoPatch {
+    /// The surface is farther away than the radius.
+    TooFar,
+    /// The closest surface point lies on excluded nodes alone; a wider patch would not help.
+    Excluded,
+}
+
 impl Surface {
     /// The patch around a surface point: the blend of the patches at the corners of its triangle.
     ///
-    /// `None` when the closest surface point is farther than the radius, or on excluded nodes.
+    /// # Errors
+    /// The closest surface point is farther than the radius, or on excluded nodes alone.
     pub fn patch_at_point(
         &self,
         point: [f64; 3],
         radius: f64,
         excluded: &dyn Fn(u32) -> bool,
-    ) -> Option<Patch> {
-        let closest = self.closest(point).filter(|c| c.distance <= radius)?;
+    ) -> Result<Patch, NoPatch> {
+        let near = self.closest(point).filter(|closest| closest.distance <= radius);
+        let closest = near.ok_or(NoPatch::TooFar)?;
         let corners = self.triangles()[closest.triangle as usize];
         let parts: Vec<(f64, Patch)> = corners
             .iter()
@@ -63,7 +74,7 @@ impl Surface {
             .collect();
         let total: f64 = parts.iter().map(|(weight, _)| weight).sum();
         let blend: Vec<(f64, &Patch)> = parts.iter().map(|(w, patch)| (w / total, patch)).collect();
-        (total > 0.0).then(|| Patch::blend(&blend))
+        (total > 0.0).then(|| Patch::blend(&blend)).ok_or(NoPatch::Excluded)
     }
 
     /// The patch of the given radius [m] around node `s`: `w_i` proportional to
@@ -216,6 +227,17 @@ mod tests {
         assert_eq!(surface.patch_at_node(s, 0.0, &|_| false), Some(alone));
         assert_eq!(surface.patch_at_node(s, 0.25, &|i| i == s), None);
         assert_eq!(surface.patch_at_node(u32::MAX, 0.25, &|_| false), None);
+    }
+
+    #[test]
+    fn a_point_without_a_patch_is_too_far_or_on_excluded_nodes() {
+        let surface = plate(10, 0.5);
+        let fixed = |i: u32| surface.points()[i as usize][0] < 0.45;
+        let ask = |point, radius| surface.patch_at_point(point, radius, &fixed);
+        assert_eq!(ask([0.72, 0.52, 0.9], 0.3), Err(NoPatch::TooFar));
+        assert_eq!(ask([0.22, 0.52, 0.5], 0.3), Err(NoPatch::Excluded));
+        assert_eq!(ask([0.22, 0.52, 0.5], 2.0), Err(NoPatch::Excluded), "not for want of width");
+        assert!(ask([0.48, 0.52, 0.5], 0.3).is_ok(), "a corner of its triangle is free");
     }
 
     #[test]

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from viscera.stepper import Stepper
 
 NOBODY = (0.0, 0.0, 0.0)
+FIXED = "the surface is fixed"
+"""How the core's sentence begins where there is nothing free to hold."""
 ONE_PLACE = float(np.sqrt(1.0 - 0.2**2))
 """Cosine between the weights of two patches above which the core takes them for one (`OVERLAPPING` in `problem.rs`)."""
 FRAMES = 20
@@ -182,6 +184,8 @@ class PlayedStepper:
             return organ.patch(point, within, name) if isinstance(organ, Scene) else organ.patch(point, within)
         except VisceraError as error:
             at = ", ".join(map(_millimetres, np.asarray(point)))
+            if FIXED in str(error):
+                raise VisceraError(f"{FIXED} at the point ({at}) mm; take hold beside it") from error
             raise VisceraError(
                 f"there is no free surface within {_millimetres(within)} mm of the point ({at}) mm; take hold elsewhere"
             ) from error
