@@ -256,12 +256,14 @@ class Organ(Statics, Reducible):
             triangles = triangles[np.isin(triangles, self.mesh.nodes(visible)).all(axis=1)]
             if not len(triangles):
                 raise VisceraError("`visible` holds no whole triangle of the surface; choose a larger part")
+        place, what = (self.mesh.surface_nodes, "the organ") if loaded is None else (loaded, "`loaded`")
+        pushed = self._free_surface(place, what)
         motion = None if start is None else registration.rigid_of(start)
         return registration.register(
             self,
             seen,
             triangles,
-            self.touchable(self.mesh.surface_nodes if loaded is None else loaded),
+            pushed,
             motion,
             progress,
         )

@@ -116,19 +116,27 @@ class Supported(Pictured):
         >>> len(beam.touchable()), len(beam.touchable("top and x > 50%"))
         (297, 50)
         """
-        surface = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
         if where is not None:
-            nodes = np.intersect1d(surface, self.mesh.nodes(where))
-            advice = "the touchable set holds no whole free triangle of the surface; choose a larger one"
-        else:
-            reach = defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else self._length("radius", radius)
-            nodes = surface
-            if len(self.fixed):
-                nodes = surface[_distances(self.mesh.points[surface], self.mesh.points[self.fixed]) > reach]
-            advice = f"no surface triangle is farther than {reach:g} m from the fixed nodes; lower the radius"
-        if not np.isin(self.mesh.surface, nodes).all(axis=1).any():
-            raise VisceraError(advice)
+            return self._free_surface(where, "the touchable set")
+        nodes = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
+        reach = defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else self._length("radius", radius)
+        if len(self.fixed):
+            nodes = nodes[_distances(self.mesh.points[nodes], self.mesh.points[self.fixed]) > reach]
+        if not self._has_triangle(nodes):
+            raise VisceraError(
+                f"no surface triangle is farther than {reach:g} m from the fixed nodes; lower the radius"
+            )
         return nodes
+
+    def _free_surface(self, where: Where, what: str) -> Indices:
+        """The free surface nodes of a place, which errors call `what`."""
+        nodes = np.intersect1d(np.setdiff1d(self.mesh.surface_nodes, self.fixed), self.mesh.nodes(where))
+        if not self._has_triangle(nodes):
+            raise VisceraError(f"{what} holds no whole free triangle of the surface; choose a larger one")
+        return nodes
+
+    def _has_triangle(self, nodes: Indices) -> bool:
+        return bool(np.isin(self.mesh.surface, nodes).all(axis=1).any())
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
         """Draw the organ at rest, with fixed nodes as dots and cell sets as wireframes. `path`: write a PNG file there.

@@ -177,7 +177,10 @@ Make = Callable[[vs.Organ], Any]
             lambda o: o.register(o.mesh.points, progress=3),
             r"progress must be a function of \(done, total, stage\), .* 3",
         ),
+        (lambda o: o.register(o.mesh.points, loaded="root"), "^`loaded` holds no whole free triangle"),
         (lambda o: o.reduce("tip", progress="yes"), "progress must be a function"),
+        (lambda o: o.patch((0, 0.04, 0.06), 0.3), r"the surface is fixed at the point .*; move the point beside it"),
+        (lambda o: o.patch((0, 0.04, 0.9), 0.3), "there is no free surface within 0.3 m of the point"),
         (lambda o: o.path(pressure=np.ones(2)), "pressure must be {where: value}, or pairs"),
         (lambda o: o.stepper().frame(pressure=np.ones(2)), "pressure must be {where: value}, or pairs"),
         (lambda o: vs.Organ("organ.vtu", LAW, fixed="x < 1%"), "the mesh must be a viscera.Mesh"),  # type: ignore[arg-type]
