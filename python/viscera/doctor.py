@@ -25,13 +25,14 @@ BESIDE = {"h5py": "to write .xdmf files", "mpi4py": "to reduce on an MPI cluster
 
 def examine() -> dict[str, Any]:
     """version, python, platform, processor, cores, threads, vector_units, gpus, gpu, gpu_fault, packages, extras,
-    beside, problems.
+    packages_fault, beside, problems.
 
     gpu: what `solver="gpu"` computes on; None if it cannot, for the reason `gpu_fault`.
-    packages: `{name: version}` of what Viscera needs, None if it is missing; extras: the same for each extra.
+    packages: `{name: version}` of what Viscera needs, None if it is missing; extras: the same for each extra. Both are
+        empty where they cannot be told, for the reason `packages_fault`.
     problems: sentences, each with what to do.
     """
-    needed, extras = requirements()
+    (needed, extras), packages_fault = _told_requirements()
     packages = {name: version_of(name) for name in needed}
     found = {extra: {name: version_of(name) for name in names} for extra, names in sorted(extras.items())}
     problems = [
@@ -54,6 +55,7 @@ def examine() -> dict[str, Any]:
         "gpu_fault": fault,
         "packages": packages,
         "extras": found,
+        "packages_fault": packages_fault,
         "beside": {name: version_of(name) for name in BESIDE},
         "problems": problems + _viewer() + _solves(),
     }
@@ -71,6 +73,15 @@ def requirements() -> tuple[dict[str, str], dict[str, dict[str, str]]]:
         extra = re.search(r"""extra\s*==\s*['"]([\w-]+)['"]""", words[3] or "")
         (extras.setdefault(extra[1], {}) if extra else needed)[words[1]] = least[1] if least else ""
     return needed, extras
+
+
+def _told_requirements() -> tuple[tuple[dict[str, str], dict[str, dict[str, str]]], str | None]:
+    """Needed packages and extras, or none of them and why they cannot be told."""
+    try:
+        return requirements(), None
+    except metadata.PackageNotFoundError:  # a folder on PYTHONPATH, or a copy within another package
+        folder = Path(__file__).parent
+        return ({}, {}), f"not known, nor the extras: pip did not install {folder}, and it is pip that notes them"
 
 
 def version_of(package: str) -> str | None:

@@ -68,6 +68,24 @@ def test_what_is_missing_or_old_is_named_with_the_remedy(
 
 
 @pytest.mark.usefixtures("built_viewer")
+def test_a_package_without_metadata_is_examined_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As from a folder on PYTHONPATH."""
+
+    def absent(package: str) -> list[str]:
+        raise metadata.PackageNotFoundError(package)
+
+    monkeypatch.setattr(metadata, "requires", absent)
+    code, facts = answered(tmp_path)
+    assert (code, facts["packages"], facts["extras"], facts["problems"]) == (0, {}, {}, [])
+    assert facts["packages_fault"].startswith("not known, nor the extras: ")
+    assert facts["cores"] > 0
+    assert cli.main(["doctor"]) == 0
+    assert "  packages      not known, nor the extras: " in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("built_viewer")
 def test_a_core_that_does_not_solve_is_a_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*arguments: Any, **words: Any) -> None:
         raise vs.VisceraError("no vector units")

@@ -24,7 +24,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say(f"  vector units  {', '.join(facts['vector_units']) or 'not known on this system'}")
     output.say(f"  graphics      {', '.join(facts['gpus']) or 'none found'}")
     output.say(f"  solver gpu    {facts['gpu'] or facts['gpu_fault']}")
-    output.say(f"  packages      {_listed(facts['packages'])}")
+    output.say(f"  packages      {facts['packages_fault'] or _listed(facts['packages'])}")
     for extra, packages in facts["extras"].items():
         missing = [name for name, version in packages.items() if version is None]
         advice = f"; pip install {' '.join(missing)}" if missing else ""
