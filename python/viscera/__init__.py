@@ -11,6 +11,9 @@ SI units throughout: metres, newtons, pascals, joules.
 from viscera import startup  # noqa: F401 - before whatever takes its time
 
 # isort: split
+from viscera import compiled  # noqa: F401 - before whatever needs it
+
+# isort: split
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
