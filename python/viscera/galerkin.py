@@ -46,7 +46,8 @@ class GalerkinAnswer(Deformed):
         self.force: Floats = facts["force"]
         """Force (k, 3) [N] of each tool on the organ."""
         self.stiffness: Floats | None = facts.get("stiffness")
-        """Derivative (3 k, 3 k) [N/m] of the forces with respect to the displacements; None with `stiffness=False`."""
+        """Derivative (3 k, 3 k) [N/m] of the forces with respect to the displacements; None with `stiffness=False`, and
+        where the search has not converged (see `status`), since it belongs to an equilibrium."""
         self.energy: float = facts["energy"]
         """Reduced strain energy [J]."""
         self.status: str = facts["status"]
@@ -174,7 +175,8 @@ class HyperReducedModel:
         displacements: (k, 3) [m], or in words: `[(0, 0, "-10 mm"), ...]`.
         from_last: start from the last solution instead of the superposed series, for a moving hand. This is faster,
             but if there is more than one equilibrium, the answer depends on the path.
-        stiffness: whether to compute the stiffness, which takes one more tangent.
+        stiffness: whether to compute the stiffness, which takes one more tangent. An answer that has not converged has
+            none.
         budget: time for the search [s], for loops that must not be late. When it is over, the status is "out of time",
             and the next search with `from_last` continues. At least one step is always taken, with a new tangent if it
             needs one.

@@ -199,6 +199,7 @@ def test_a_search_that_runs_out_of_time_goes_on_in_the_next(fingers: Galerkin) -
     grasp = fingers.grasp([LEFT, RIGHT])
     whole = grasp.solve(PUSHES)
     late = grasp.solve(PUSHES, budget=0.0)
+    assert late.stiffness is None, "it belongs to an equilibrium"
     assert (late.status, late.iterations, late.is_converged) == ("out of time", 1, False)
     assert not late.is_trusted
     assert "time" in late.reason
