@@ -92,6 +92,7 @@ class State(Deformed, Pictured):
         self._patches = [(patch.nodes, patch.weights) for patch in patches]
         self._patch_forces: Floats = result["patch_forces"]
         self._tools = list(zip(tools, contacts(result.get("contact", [])), strict=True))
+        self._anchored: list[list[_core.Anchored]] = result.get("anchored", [[] for _ in tools])
         self._pairs = list(zip(organ._contact_pairs, contacts(result.get("contact_pairs", [])), strict=True))
 
     def _seen(self) -> tuple[Mesh, Floats]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from viscera import gpu
 from viscera.contact import Tool, tools_of
+from viscera.continued import anchored
 from viscera.errors import NotConverged, VisceraError
 from viscera.frame import Frame
 from viscera.loads import (
@@ -77,7 +78,8 @@ class Statics(Supported):
         contact: rigid tools, `[Tool(Sphere(0.01), position=..., displacement=...)]`, which move by their `displacement`
             in proportion to the load. They must start outside the organ. `State.contact(tool)` gives their forces.
             Friction is integrated from load step to load step; if a tool reverses its direction, solve each direction
-            separately.
+            separately: friction goes on from a state in `start` for tools that begin where its solve has left them
+            (`Tool.arrived`).
         steps: initial number of load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; by default rest.
         settings: of Newton's method, by name: "tolerance", "max_iterations", "max_backtracks", "smallest_step", as in
@@ -108,6 +110,7 @@ class Statics(Supported):
             pressure=pressures,
             patches=moved.patches,
             tools=[tool._spec() for tool in tools],
+            anchored=anchored(tools, start, self.mesh),
             start=begin,
             steps=steps,
             settings=newton_settings(settings),

@@ -132,6 +132,30 @@ def test_friction_drags_and_is_bounded(organ: vs.Organ) -> None:
     assert drags["bonded"][0] > drags[0.3][0]
 
 
+@pytest.mark.parametrize("friction", [0.3, "bonded"])
+def test_a_solve_goes_on_with_what_stuck_to_the_tool(organ: vs.Organ, friction: float | str) -> None:
+    """A tool that is pulled aside and then stands still keeps its force; drawn back, it does as in frames."""
+    down, aside, back = np.array([(0.0, 0.0, -0.008), (0.01, 0.0, 0.0), (-0.002, 0.0, 0.0)])
+    tool, state = above(vs.Sphere(0.03), 0.03, friction=friction), None
+    forces = []
+    for motion in (down, aside, np.zeros(3), back):
+        tool = tool.arrived()
+        tool.displacement = motion
+        state = organ.solve(contact=[tool], start=state, steps=4, throw=True)
+        forces.append(state.force(tool))
+    drawn, still, returned = forces[1:]
+    assert np.allclose(still, drawn, rtol=1e-6)
+    stepper = organ.stepper(iterations=40, settled=1e-8)
+    moved = stepper.tool(tool.shape, position=(0.05, 0.05, SIDE + 0.03), friction=friction)
+    for motion in (down, aside, back):
+        for _ in range(4):
+            moved.move(motion / 4)
+            frame = stepper.frame()
+    assert np.allclose(returned, frame.force(moved), rtol=0.01, atol=0.01 * np.linalg.norm(drawn))
+    anew = vs.Tool(vs.Sphere(0.03), tool.arrived().position, friction=friction)
+    assert not np.allclose(organ.solve(contact=[anew], start=state).force(anew), returned, rtol=0.01)
+
+
 def test_a_tool_moves_with_frames_and_lets_go(organ: vs.Organ) -> None:
     stepper = organ.stepper(iterations=10, settled=1e-6)
     tool = stepper.tool(vs.Sphere(0.03), position=(0.05, 0.05, SIDE + 0.03))

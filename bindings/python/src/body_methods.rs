@@ -112,7 +112,7 @@ impl Body {
         Ok(Body { body, surface, fixed })
     }
 
-    #[pyo3(signature = (*, prescribed, values, force, body_force, pressed, pressure, patches, tools, start, steps, settings, solver, on_progress))]
+    #[pyo3(signature = (*, prescribed, values, force, body_force, pressed, pressure, patches, tools, anchored, start, steps, settings, solver, on_progress))]
     #[allow(clippy::too_many_arguments)]
     fn solve<'py>(
         &self,
@@ -125,6 +125,7 @@ impl Body {
         pressure: PyReadonlyArray1<f64>,
         patches: Vec<(PyRef<'py, Patch>, PyReadonlyArray1<'py, f64>)>,
         tools: Vec<contact::Tool<'py>>,
+        anchored: Vec<Vec<contact::Anchored>>,
         start: Option<PyReadonlyArray2<f64>>,
         steps: usize,
         settings: BTreeMap<String, f64>,
@@ -165,9 +166,7 @@ impl Body {
         let fixed = self.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
         let mut contact = Contact::new(&self.body).on_fixed(fixed);
         let rest = problem.start.clone().unwrap_or_else(|| vec![0.0; 3 * n]);
-        for tool in &tools {
-            contact.add(&self.body, contact::tool(tool), &rest).map_err(convert::error)?;
-        }
+        contact::add(&mut contact, &self.body, &tools, &anchored, &rest)?;
         let n_tools = tools.len();
         let mut watch = Watch::new(on_progress);
         let result = threads::detached_for(py, &self.body, || {
@@ -177,6 +176,7 @@ impl Body {
         let dict = state_dict(py, &self.body, state)?;
         dict.set_item("contact", contact::reports(py, &contact, 0..n_tools, n)?)?;
         dict.set_item("contact_pairs", contact::pair_reports(py, &contact, n)?)?;
+        dict.set_item("anchored", contact::anchored(&contact, n_tools))?;
         Ok(dict)
     }
 

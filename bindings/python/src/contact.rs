@@ -5,6 +5,7 @@ use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::Arc;
+use viscera_core::body::Body;
 use viscera_core::contact::{self, Friction, Pose, Solid};
 
 /// A rigid shape in axes of its own.
@@ -47,6 +48,36 @@ impl Shape {
 /// Shape, friction (None if bonded), stiffness of the layer, rotation, position, displacement and turn.
 pub type Tool<'py> =
     (PyRef<'py, Shape>, Option<f64>, f64, [[f64; 3]; 3], [f64; 3], [f64; 3], [f64; 3]);
+
+/// Where a sample sticks to a tool: its number, area, pressure and point, as [`contact::Anchored`].
+pub type Anchored = (usize, f64, f64, [f64; 3]);
+
+/// Adds tools to a displaced body, with what sticks to each since an earlier solve.
+pub fn add(
+    contact: &mut contact::Contact,
+    body: &Body,
+    tools: &[Tool],
+    anchored: &[Vec<Anchored>],
+    u: &[f64],
+) -> PyResult<()> {
+    for (number, told) in tools.iter().enumerate() {
+        let of = |&(sample, area, pressure, point): &Anchored| contact::Anchored {
+            sample,
+            area,
+            pressure,
+            point,
+        };
+        let anchored: Vec<_> = anchored.get(number).into_iter().flatten().map(of).collect();
+        contact.add_anchored(body, tool(told), &anchored, u).map_err(convert::error)?;
+    }
+    Ok(())
+}
+
+/// Where samples stick to each tool, in their order.
+pub fn anchored(contact: &contact::Contact, n_tools: usize) -> Vec<Vec<Anchored>> {
+    let told = |one: contact::Anchored| (one.sample, one.area, one.pressure, one.point);
+    (0..n_tools).map(|tool| contact.anchored(tool).into_iter().map(told).collect()).collect()
+}
 
 /// The core's tool.
 pub fn tool(

@@ -30,7 +30,7 @@ pub use layer::STIFFNESS;
 pub use pose::Pose;
 pub use shape::Shape;
 pub use solid::Solid;
-pub use tool::{Report, Tool};
+pub use tool::{Anchored, Report, Tool};
 
 use crate::body::{BlockPattern, Body, Curvature, SymmetricBlocks};
 use crate::error::Error;
@@ -99,10 +99,25 @@ impl Contact {
     /// # Errors
     /// Values out of range; a tool that starts inside the body.
     pub fn add(&mut self, body: &Body, tool: Tool, u: &[f64]) -> Result<usize, Error> {
+        self.add_anchored(body, tool, &[], u)
+    }
+
+    /// The same of a tool to which samples stick since an earlier solve, see [`Contact::anchored`].
+    ///
+    /// # Errors
+    /// Those of [`Contact::add`].
+    pub fn add_anchored(
+        &mut self,
+        body: &Body,
+        tool: Tool,
+        anchored: &[Anchored],
+        u: &[f64],
+    ) -> Result<usize, Error> {
         let number = self.tools.len();
         tool.check(number)?;
         let samples = self.samples_for(body, &tool.shape);
         let mut held = ActiveTool::new(tool, samples);
+        held.go_on_from(anchored);
         held.begin(u);
         held.linearize(u, u);
         let depth = -held.gap();
@@ -302,6 +317,12 @@ impl Contact {
     /// The last forces of a tool on the body.
     pub fn report(&self, number: usize) -> Option<Report> {
         self.tools.get(number)?.as_ref().map(ActiveTool::report)
+    }
+
+    /// Where samples stick to a tool at the end of the last step, for a solve that goes on from there.
+    pub fn anchored(&self, number: usize) -> Vec<Anchored> {
+        let held = self.tools.get(number).and_then(Option::as_ref);
+        held.map_or_else(Vec::new, ActiveTool::anchored)
     }
 
     /// Last contact pressure of a tool at nodes [Pa]: the mean over the touching samples around each node, zero if none

@@ -1,11 +1,13 @@
 //! A rigid tool, and the samples of the surface that it touches.
 
+mod anchored;
 mod assembly;
 mod near;
 mod steps;
 mod sweep;
 mod touching;
 
+pub use anchored::Anchored;
 pub(super) use touching::Touching;
 
 use super::distance::Distance;
