@@ -228,7 +228,7 @@ class Body:
         pressure: Floats,  # (t,) the pressure on each [Pa], positive against the outward normal
         patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
         tools: list[Tool],
-        anchored: list[Anchored],  # what sticks to each tool since the solve that this one continues
+        anchored: list[list[Anchored]],  # what sticks to each tool since the solve that this one continues
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,
         settings: dict[str, float],  # see `Newton` in crates/solid/src/equilibrium/newton.rs
@@ -238,8 +238,8 @@ class Body:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
         status (str), is_converged, message, device_fault, tangent_on_device (str | None), load (fraction reached),
         iterations, factorizations, linear_iterations, solver (str), load_steps, residuals (list of lists per load step,
-        relative), seconds (dict), contact (a dict for each tool, see `viscera.contact.Contact`), anchored (what sticks to
-        each tool at the end)."""
+        relative), seconds (dict), contact (a dict for each tool, see `viscera.contact.Contact`), anchored (what sticks
+        to each tool at the end)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
     def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
