@@ -13,6 +13,7 @@ import pytest
 import viscera as vs
 
 Build = Callable[..., Path]
+Block = Callable[..., tuple[np.ndarray, np.ndarray]]
 FROM_LAST, WITH_STIFFNESS = 1, 2
 TRUST = {"": 0, "no equilibrium": 11, "the time": 12, "a sampled cell": 13, "a contact": 1, "the whole organ": 14}
 TRUST |= {"the expected error": 2}
@@ -110,6 +111,64 @@ int main(int argc, char **argv) {
 """
     )
     assert "has no cells" in run(build(str(source), linkage="hands"), path)
+
+
+SET = """#include <stdio.h>
+#include <stdlib.h>
+#include "viscera_hands.h"
+int main(int argc, char **argv) {
+    char message[256] = "";
+    viscera_model *first, *model;
+    viscera_sampling sampling;
+    viscera_hands *hands;
+    viscera_grasp *grasp;
+    viscera_held *held;
+    const double point[3] = {0.2, 0.05, 0.1}, push[3] = {0, 0, -0.005};
+    double force[3], error, field[3 * 256], stress[9 * 256];
+    if (argc != 3 || viscera_load_file(argv[1], &first, message, sizeof message)) return puts(message);
+    if (viscera_set_parameter(first, atof(argv[2]), message, sizeof message)) return puts(message);
+    if (viscera_copy(first, &model, message, sizeof message)) return puts(message);
+    viscera_free(first);
+    viscera_sampling_init(model, &sampling);
+    if (viscera_hands_new(model, &sampling, &hands, message, sizeof message)) return puts(message);
+    if (viscera_grasp_new(hands, point, 1, NULL, NULL, &grasp, message, sizeof message)) return puts(message);
+    if (viscera_held_new(grasp, &held, message, sizeof message)) return puts(message);
+    if (viscera_grasp_solve(grasp, push, 3, 0, 0, held) || viscera_held_forces(held, force, 3)) return 2;
+    if (viscera_held_assess(held, &error)) return 3;
+    viscera_info_t info;
+    viscera_info(model, &info);
+    const size_t cells = viscera_cell_count(model);
+    if (info.points > 256 || cells > 256 || viscera_held_field(held, field, 3 * info.points)) return 4;
+    if (viscera_hands_stress(hands, field, 3 * info.points, stress, 9 * cells)) return 5;
+    for (int i = 0; i < 3; i++) printf("%.17g ", force[i]);
+    for (size_t i = 0; i < 9 * cells; i++) printf("%.17g ", stress[i]);
+    viscera_held_free(held);
+    viscera_grasp_free(grasp);
+    viscera_hands_free(hands);
+    viscera_free(model);
+    return 0;
+}
+"""
+
+
+VARIED = [vs.Vary("young", 5e3, 2e4, "x > 50%", nodes=3), vs.Vary("poisson", 0.2, 0.4, nodes=3)]
+
+
+@pytest.mark.parametrize("vary", VARIED, ids=["young", "poisson"])
+def test_hands_have_the_law_of_the_value(vary: vs.Vary, block: Block, build: Build, tmp_path: Path) -> None:
+    """In a part of the organ and in all of it, with forces and stresses as of the organ that Python makes."""
+    beam = vs.mesh(*block((6, 1, 1), (0.4, 0.1, 0.1)))
+    organ = vs.Organ(beam, vs.NeoHookean(young=1e4, poisson=0.3), fixed="x < 1%", element="P1")
+    touch = organ.reduce("z > 99% and x > 30% and x < 70%", radius=0.05, depth=0.02, order=2, vary=vary)
+    touch.save(tmp_path / "beam.viscera")
+    (tmp_path / "set.c").write_text(SET)
+    program = build(str(tmp_path / "set.c"), linkage="hands")
+    for value in (vary.low, vary.high):
+        found = np.array(run(program, tmp_path / "beam.viscera", value).split(), dtype=float)
+        held = touch.at(value).galerkin().solve([((0.2, 0.05, 0.1), (0, 0, -0.005))])
+        of_cells = held.stress().reshape(-1)
+        np.testing.assert_allclose(found[:3], held.force[0], rtol=0, atol=1e-3 * np.abs(held.force).max())
+        np.testing.assert_allclose(found[3:], of_cells, rtol=0, atol=1e-3 * np.abs(of_cells).max())
 
 
 def test_the_wrapper_of_hands_in_cpp(model: Path, build: Build) -> None:

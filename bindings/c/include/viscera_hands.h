@@ -78,9 +78,9 @@ typedef int32_t (*viscera_go_on)(void *context);
  * of the model. */
 int32_t viscera_sampling_init(const viscera_model *model, viscera_sampling *sampling);
 
-/* Makes the model of several touches: factorises the tangent of the whole organ. A model without cells, such as the web
- * version, is refused. On failure *hands is null and `message`, which may be null, says why in one sentence; so it is
- * below. */
+/* Makes the model of several touches, at the value that the model is set to now: factorises the tangent of the whole
+ * organ. A model without cells, such as the web version, is refused. On failure *hands is null and `message`, which may
+ * be null, says why in one sentence; so it is below. */
 int32_t viscera_hands_new(const viscera_model *model, const viscera_sampling *sampling, viscera_hands **hands,
                           char *message, size_t message_len);
 

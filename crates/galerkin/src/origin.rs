@@ -10,7 +10,7 @@ use crate::element::Element;
 use crate::equilibrium::{ConstrainedSystem, Rounding, Tangent, dofs_of};
 use crate::error::Error;
 use crate::law::Material;
-use crate::reduced::ReducedModel;
+use crate::reduced::{Parameter, ReducedModel};
 
 /// A body, and the state that touches start from.
 pub(super) struct Origin {
@@ -87,7 +87,7 @@ impl Origin {
     }
 }
 
-/// The body that a model was reduced from, at rest.
+/// The body that a model was reduced from, at rest, with the law at the value that the model is set to.
 fn body(model: &ReducedModel) -> Result<Body, Error> {
     let (metadata, arrays) = (model.metadata(), model.arrays());
     let cells: Vec<[u32; 4]> = arrays.cells.as_chunks().0.to_vec();
@@ -97,7 +97,13 @@ fn body(model: &ReducedModel) -> Result<Body, Error> {
     let n_corners = arrays.cells.iter().max().map_or(0, |&last| last as usize + 1);
     let points = points.as_chunks().0[..n_corners].to_vec();
     let rows = arrays.law_parameters.chunks_exact(metadata.law_parameter_names.len());
-    let material = Material::new(&metadata.law, rows.map(<[f64]>::to_vec).collect())?;
+    let mut material = Material::new(&metadata.law, rows.map(<[f64]>::to_vec).collect())?;
+    // A model that has been set to another value since it was read still has the parameters of its file.
+    if let Some(Parameter { name, value, .. }) =
+        metadata.parameter.as_ref().filter(|p| p.is_of_law())
+    {
+        material = material.varied(name, *value, &arrays.parameter_cells, cells.len())?;
+    }
     let element = Element::named(&metadata.element)?;
     let body = Body::with_element(element, points, cells, material)?;
     if body.points().len() != model.n_points() {

@@ -76,7 +76,7 @@ pub struct Formula {
 }
 
 /// Components of the directions of fibres, the last columns of a row.
-const COMPONENTS: [&str; 6] = ["a0x", "a0y", "a0z", "a1x", "a1y", "a1z"];
+pub(super) const COMPONENTS: [&str; 6] = ["a0x", "a0y", "a0z", "a1x", "a1y", "a1z"];
 
 impl Formula {
     /// The law of a text, see [`Expression::parse`]. Its energy counts from rest, whatever the text gives there.

@@ -50,6 +50,7 @@ mod several;
 mod soundness;
 mod stable_neo_hookean;
 mod taylor_cache;
+mod varied;
 mod veronda_westmann;
 mod yeoh;
 

@@ -37,22 +37,22 @@ impl Material {
 }
 
 /// A law, or several side by side.
-enum NamedLaw<'a> {
+pub(super) enum NamedLaw<'a> {
     One(SingleLaw<'a>),
     Several(Vec<SingleLaw<'a>>),
 }
 
 /// A law of [`ROWS`], or a formula.
-struct SingleLaw<'a> {
-    name: &'a str,
-    names: Vec<String>,
+pub(super) struct SingleLaw<'a> {
+    pub name: &'a str,
+    pub names: Vec<String>,
     kernels: Arc<dyn LawKernels>,
     /// None for a formula.
-    row: Option<&'static Row>,
+    pub row: Option<&'static Row>,
 }
 
 impl<'a> NamedLaw<'a> {
-    fn new(name: &'a str) -> Result<Self, Error> {
+    pub fn new(name: &'a str) -> Result<Self, Error> {
         match name.strip_prefix(SEVERAL) {
             None => Ok(NamedLaw::One(SingleLaw::new(name)?)),
             Some(names) => {

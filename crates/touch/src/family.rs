@@ -15,6 +15,11 @@ use viscera_mesh::Surface;
 const RADIUS: &str = "radius";
 
 impl Parameter {
+    /// Whether it belongs to the law of the full organ, and not to the contact.
+    pub fn is_of_law(&self) -> bool {
+        self.name != RADIUS
+    }
+
     /// What is interpolated over.
     fn x(&self, value: f64) -> f64 {
         if self.is_logarithmic { value.ln() } else { value }
@@ -57,8 +62,8 @@ impl Parameter {
 }
 
 impl ReducedModel {
-    /// Sets the model to a value of its parameter. The caller sets the law's parameters
-    /// ([`ReducedModel::set_law_parameters`]). Allocates.
+    /// Sets the model to a value of its parameter. Allocates. The array `law_parameters` stays as it is, since no law is
+    /// known here; whoever makes the full organ from it brings the law to the value in the metadata.
     ///
     /// # Errors
     /// A model without a parameter; a value outside its range.
@@ -67,7 +72,7 @@ impl ReducedModel {
             return Err(Error::input("this model has no parameter to set"));
         };
         let weights = parameter.weights(value)?;
-        let is_radius = parameter.name == RADIUS;
+        let is_radius = !parameter.is_of_law();
         let f = std::mem::take(&mut self.arrays.family);
         let a = &mut self.arrays.answers;
         blend(&weights, &f.compliance, &mut a.compliance, |x| x);
