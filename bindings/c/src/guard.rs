@@ -86,7 +86,7 @@ impl Guard {
         let payment = if is_free { [0.0; 3] } else { self.payment(moved, dt) };
         let mode = self.step(news, payment, dt);
         let given = self.force;
-        self.force = shortened(given, self.ceiling());
+        self.force = held_below(given, self.ceiling());
         let is_owing = self.force != given || payment != [0.0; 3];
         if is_owing && [FOLLOWS, LIMITS, HOLDS].contains(&mode) { DAMPS } else { mode }
     }
@@ -145,14 +145,14 @@ impl Guard {
             News::NotTrusted | News::Nothing => self.target,
         };
         self.fade_rate = 0.0;
-        self.target = shortened(wanted, self.force_limit);
+        self.target = held_below(wanted, self.force_limit);
         let damped = std::array::from_fn(|i| self.target[i] + damping[i]);
-        let goal = shortened(damped, self.force_limit);
+        let goal = held_below(damped, self.force_limit);
         let change = std::array::from_fn(|i| goal[i] - self.force[i]);
         let step = shortened(change, self.rate_limit * dt);
         self.force = std::array::from_fn(|i| self.force[i] + step[i]);
         // Rounding must not carry the force over the limit.
-        self.force = shortened(self.force, self.force_limit);
+        self.force = held_below(self.force, self.force_limit);
         match news {
             News::NotTrusted | News::Nothing => HOLDS,
             _ if self.target != wanted || goal != damped || step != change => LIMITS,
@@ -182,6 +182,17 @@ fn shortened(v: [f64; 3], length: f64) -> [f64; 3] {
     } else {
         [0.0; 3]
     }
+}
+
+/// The vector with a length of at most `limit`, however that is computed. What is rounded past the limit is longer than
+/// `WITHIN`, and what is shortened to `SHORTENED` is not, so that it is not shortened again.
+pub fn held_below(v: [f64; 3], limit: f64) -> [f64; 3] {
+    const WITHIN: f64 = 1.0 - 4.0 * f64::EPSILON;
+    const SHORTENED: f64 = 1.0 - 12.0 * f64::EPSILON;
+    // A length along an axis has no rounding.
+    let is_exact = v.iter().filter(|&&x| x != 0.0).count() < 2;
+    let most = if is_exact { limit } else { limit * WITHIN };
+    if norm(v) <= most { v } else { shortened(v, limit * SHORTENED) }
 }
 
 /// Sets up a guard at rest; one with settings that are not positive gives no force.
