@@ -344,7 +344,9 @@ unsafe extern "C" fn solve(
             deadline: has_deadline
                 .then(|| Instant::now() + Duration::from_secs_f64(task.seconds.max(0.0))),
         };
-        let found = body.system.solve(b, &steps, start, &settings)?;
+        // SAFETY: the caller answers as long as this runs.
+        let is_wanted = || unsafe { (task.is_wanted)(task.caller) };
+        let found = body.system.solve_while(b, &steps, start, &settings, &is_wanted)?;
         // SAFETY: there is room for as many values as the right-hand side has.
         unsafe { answer.x.copy_from_nonoverlapping(found.x.as_ptr(), found.x.len()) };
         answer.iterations = found.iterations;

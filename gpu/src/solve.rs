@@ -10,6 +10,9 @@ use viscera_clock::Instant;
 /// Iterations beyond those of the last solve that the first batch of the next one has room for.
 const SPARE: usize = 4;
 
+/// Longest time between two questions whether the solution is still wanted, where there are several batches [s].
+const PATIENCE: f64 = 0.2;
+
 /// Ended by the caller, as by a spent budget.
 const SPENT: u32 = 4;
 
@@ -41,6 +44,21 @@ impl System {
         steps: &[&[f64]],
         start: &[f64],
         settings: &Settings,
+    ) -> Result<Solution, Error> {
+        self.solve_while(b, steps, start, settings, &|| true)
+    }
+
+    /// As [`solve`](Self::solve), as long as the caller wants it, who is asked between batches; then as after a deadline.
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve).
+    pub fn solve_while(
+        &mut self,
+        b: &[f64],
+        steps: &[&[f64]],
+        start: &[f64],
+        settings: &Settings,
+        is_wanted: &dyn Fn() -> bool,
     ) -> Result<Solution, Error> {
         settings.check()?;
         if steps.len() > MOST_STEPS {
@@ -74,7 +92,7 @@ impl System {
             }
             commands = gpu.commands();
             let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            if is_late {
+            if is_late || !is_wanted() {
                 self.end(reading.state);
                 break self.read(commands)?;
             }
@@ -205,15 +223,18 @@ impl System {
 
 impl Pace {
     /// Iterations of the next batch, an even number: as many as the last solve took, then half as many again each time, as
-    /// far as there is time, but no fewer than are worth a wait. The last one finds that it has ended.
+    /// far as there is time and patience, but no fewer than are worth a wait. The last one finds that it has ended.
     fn batch(&self, done: usize, settings: &Settings) -> usize {
         let likely = if done == 0 { self.iterations + SPARE } else { done / 2 };
         let left = settings.max_iterations + 1 - done.min(settings.max_iterations);
         let least = settings.check_every.min(left);
-        let in_time = settings.deadline.map_or(usize::MAX, |deadline| {
-            let time = deadline.saturating_duration_since(Instant::now()).as_secs_f64();
-            if self.seconds > 0.0 { (time / self.seconds) as usize } else { settings.check_every }
-        });
+        let until = |deadline: Instant| deadline.saturating_duration_since(Instant::now());
+        let time = settings.deadline.map(|deadline| until(deadline).as_secs_f64().min(PATIENCE));
+        let in_time = match time {
+            _ if self.seconds > 0.0 => (time.unwrap_or(PATIENCE) / self.seconds) as usize,
+            None => usize::MAX,
+            Some(_) => settings.check_every,
+        };
         likely.min(in_time).min(left).max(least).next_multiple_of(2)
     }
 

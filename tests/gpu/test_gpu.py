@@ -304,6 +304,24 @@ def test_more_means_than_the_kernels_take_are_left_to_the_processor(
     assert "the kernels take 48" in caplog.text
 
 
+@pytest.mark.usefixtures("device")
+def test_a_body_too_unequal_for_single_precision_is_left_to_the_processor(
+    organ: Make, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Rounding of the stiff half outweighs what the soft one says of its turning."""
+    mesh = organ(LAWS[3]).mesh
+    halves = {"x < 50%": vs.NeoHookean(young=1e4, poisson=0.3), "x >= 50%": vs.NeoHookean(young=1e10, poisson=0.3)}
+    body = vs.Organ(mesh, halves, fixed="wall")
+    load = {"end": (0.002, 0.0, -0.004)}
+    exact, found = body.solve(force=load), body.solve(force=load, solver="gpu")
+    assert found.is_converged, found.message
+    assert distance(found.displacement, exact.displacement) < 1e-5
+    assert found.tangent_on_device is None
+    [record] = caplog.records
+    assert "many times as stiff" in record.message
+    assert record.message.endswith("continuing on the processor")
+
+
 IN_CHUNKS = """
 import sys
 import numpy as np

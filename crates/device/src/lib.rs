@@ -11,7 +11,7 @@ pub mod library;
 use std::ffi::c_void;
 
 /// Raised with every change of this crate.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 
 /// The library's one symbol, an [`Entry`].
 pub const SYMBOL: &[u8] = b"viscera_gpu\0";
@@ -198,6 +198,10 @@ pub struct Task {
     pub max_iterations: usize,
     /// Wall time [s] after which to stop likewise; infinity for none.
     pub seconds: f64,
+    /// Asked between batches of iterations, with `caller`, whether to go on; if not, the solve stops likewise.
+    pub is_wanted: unsafe extern "C" fn(*const c_void) -> bool,
+    /// What that takes.
+    pub caller: *const c_void,
 }
 
 /// The result of conjugate gradients.

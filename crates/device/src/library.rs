@@ -4,7 +4,9 @@ use crate::law;
 use crate::{
     Answer, Cells, Handle, Interface, RestBlock, SERIES_LANES, Series, Slice, Tangent, Task, Text,
 };
-use std::ptr::null_mut;
+use std::ffi::c_void;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr::{from_ref, null_mut};
 use viscera_clock::Instant;
 use viscera_law::Program;
 use viscera_solid::body::{ProgrammedCells, ProgrammedSeries};
@@ -147,6 +149,16 @@ impl Drop for Expansion {
 
 const _: () = assert!(SERIES_LANES == equilibrium::SERIES_LANES);
 
+/// Whether the caller still wants what is computed; a panic there counts as no.
+///
+/// # Safety
+/// `caller` points to a `&dyn Fn() -> bool`.
+unsafe extern "C" fn is_wanted(caller: *const c_void) -> bool {
+    // SAFETY: see above.
+    let ask = unsafe { *caller.cast::<&dyn Fn() -> bool>() };
+    catch_unwind(AssertUnwindSafe(ask)).unwrap_or(false)
+}
+
 impl DeviceSystem for System {
     fn hold(&mut self, is_held: &[bool], means: &[Vec<(u32, f64)>]) -> Result<(), String> {
         let (dofs, weights): (Vec<u32>, Vec<f64>) = means.iter().flatten().copied().unzip();
@@ -198,7 +210,7 @@ impl DeviceSystem for System {
         b: &[f64],
         steps: &[&[f64]],
         start: &[f64],
-        end: &DeviceEnd,
+        end: &DeviceEnd<'_>,
     ) -> Result<DeviceSolution, String> {
         let left =
             |deadline: Instant| deadline.saturating_duration_since(Instant::now()).as_secs_f64();
@@ -209,7 +221,9 @@ impl DeviceSystem for System {
             start: Slice::new(start),
             tolerance: end.tolerance,
             max_iterations: end.max_iterations,
-            seconds: end.deadline.map_or(f64::INFINITY, left),
+            seconds: end.until.deadline.map_or(f64::INFINITY, left),
+            is_wanted,
+            caller: from_ref(&end.until.is_wanted).cast(),
         };
         let mut x = vec![0.0; self.n_dofs];
         let mut answer = Answer {

@@ -119,7 +119,7 @@ impl Ending {
 }
 
 impl Cut {
-    fn sentence(&self) -> String {
+    pub fn sentence(&self) -> String {
         match self {
             Cut::Inverted { cell, jacobian } => {
                 format!(

@@ -28,6 +28,6 @@ pub use stepper::{
 pub use system::{
     Choice, ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSeries, DeviceSolution,
     DeviceSystem, DeviceTangent, Method, OnDevice, Origin, Preconditioner, Row, SERIES_LANES,
-    Solved, dofs_of, mean_rows,
+    Solved, Until, dofs_of, mean_rows,
 };
 pub use tangent::Tangent;

@@ -9,6 +9,7 @@
 //! Where the linear solver is chosen automatically, conjugate gradients only do what they do well. They have a budget, the
 //! stability that they find is probed, and whatever fails with them is done again by a factor.
 
+mod listener;
 mod load_step;
 mod run;
 mod step;
@@ -88,7 +89,7 @@ impl Newton {
         },
     ];
 
-    /// Solves a load case; in every iteration and at the end of a load step `progress` receives the load fraction
+    /// Solves a load case; in every iteration, while a device iterates and at the end of a load step `progress` receives the load fraction
     /// reached, and may return false to stop.
     ///
     /// # Errors
@@ -141,6 +142,7 @@ impl Newton {
                 }
                 Err(Cut::Cancelled) => return Err(Error::Cancelled),
                 Err(Cut::Solver(error)) => return Err(error),
+                Err(cut) if run.suspects_device(&cut) => run.leave_device(&cut)?,
                 Err(cut) if run.needs_factor(&cut) => run.hand_over().map_err(Error::Factor)?,
                 Err(cut) => {
                     step = 0.5 * step.min(run.tried);

@@ -6,7 +6,7 @@
 
 use super::problem::Problem;
 use super::skew;
-use super::system::ConstrainedSystem;
+use super::system::{ConstrainedSystem, Until};
 use crate::linear::FactorError;
 use crate::number::Monomials;
 use crate::number::pade::{Pade, pade_range, taylor_range};
@@ -36,6 +36,7 @@ impl Predictor {
         u: &[f64],
         first: &[f64],
         [load, increment]: [f64; 2],
+        until: Until<'_>,
     ) -> Result<Self, FactorError> {
         let (body, pressure, stride) = (problem.body, &problem.pressure, ORDER + 1);
         let mut coefficients = vec![0.0; u.len() * stride];
@@ -53,14 +54,14 @@ impl Predictor {
             let mut term = vec![0.0; u.len()];
             let forces = &mut Vec::new();
             if pressure.is_empty() {
-                solver.solve(&mut force, &stay, &mut term, forces, None)?;
+                solver.solve_until(&mut force, &stay, &mut term, forces, until)?;
             } else {
                 let skew = |x: &[f64]| {
                     let mut force = vec![0.0; x.len()];
                     pressure.add_skew(body, u, load, x, &mut force);
                     force
                 };
-                skew::solve(solver, skew, &mut force, &stay, &mut term, forces)?;
+                skew::solve(solver, skew, &mut force, &stay, &mut term, forces, until)?;
             }
             let runs = coefficients.chunks_exact_mut(stride);
             runs.zip(&term).for_each(|(run, u)| run[p] = *u);

@@ -1,6 +1,6 @@
 //! A tangent with a small unsymmetric part: pressure on a free rim gives `K + S` with a skew `S` of few rows.
 
-use super::system::{ConstrainedSystem, Solved};
+use super::system::{ConstrainedSystem, Solved, Until};
 use crate::linear::{FactorError, gmres};
 
 /// Below this fraction of the right-hand side, the unsymmetric part of a tangent is rounding.
@@ -21,9 +21,10 @@ pub(super) fn solve(
     gap: &[f64],
     step: &mut [f64],
     forces: &mut Vec<f64>,
+    until: Until<'_>,
 ) -> Result<Solved, FactorError> {
     let plain = b.to_vec();
-    let solved = solver.solve(b, gap, step, forces, None)?;
+    let solved = solver.solve_until(b, gap, step, forces, until)?;
     let size = b.iter().fold(0.0f64, |max, b| max.max(b.abs()));
     let mut pull = skew(step);
     solver.project(&mut pull);
@@ -33,7 +34,7 @@ pub(super) fn solve(
     let still = vec![0.0; gap.len()];
     let apply = |s: &[f64]| {
         let mut out = vec![0.0; s.len()];
-        solver.solve(&mut skew(s), &still, &mut out, &mut Vec::new(), None)?;
+        solver.solve_until(&mut skew(s), &still, &mut out, &mut Vec::new(), until)?;
         out.iter_mut().zip(s).for_each(|(o, s)| *o += s);
         Ok(out)
     };
@@ -41,5 +42,5 @@ pub(super) fn solve(
     for ((b, plain), s) in b.iter_mut().zip(&plain).zip(skew(&whole)) {
         *b = plain - s;
     }
-    solver.solve(b, gap, step, forces, None)
+    solver.solve_until(b, gap, step, forces, until)
 }

@@ -1,6 +1,7 @@
 //! A solution in progress: where it stands, and what its steps have in common.
 
 use super::Newton;
+use super::listener::Listener;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::Contact;
@@ -9,7 +10,9 @@ use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::outcome::{Equilibrium, Seconds};
 use crate::equilibrium::predictor::Predictor;
 use crate::equilibrium::problem::{Problem, patch_mean};
-use crate::equilibrium::system::{Choice, ConstrainedSystem, Method, NegativeCurvature, waves};
+use crate::equilibrium::system::{
+    Choice, ConjugateGradients, ConstrainedSystem, Method, NegativeCurvature, Until, waves,
+};
 use crate::equilibrium::tangent::Tangent;
 use crate::error::Error;
 use crate::law::LINEAR;
@@ -59,6 +62,8 @@ pub(super) struct Run<'a> {
     /// Whether the iterate is close to an equilibrium, whose stability counts.
     pub(super) is_near: bool,
     pub(super) solvers: Vec<&'static str>,
+    /// Why a device that works was left.
+    pub(super) left_device: Option<String>,
     pub(super) seconds: Seconds,
 }
 
@@ -122,6 +127,7 @@ impl<'a> Run<'a> {
             negative_curvature: choice.negative_curvature,
             is_near: false,
             solvers: vec![settings.method.name()],
+            left_device: None,
             seconds: Seconds::default(),
         })
     }
@@ -162,6 +168,30 @@ impl<'a> Run<'a> {
             _ => FactorError::NotFactorized,
         })?;
         self.seconds.analysis += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Whether a load step may have failed because the steps of a device are in single precision. In contact one fails as
+    /// often with other solvers.
+    pub(super) fn suspects_device(&self, cut: &Cut) -> bool {
+        let is_of_steps = matches!(cut, Cut::Iterations { .. } | Cut::NoDescent { .. });
+        is_of_steps && self.solver.origin().is_some() && self.contact.is_empty()
+    }
+
+    /// Lets the processor go on in double precision, by the same method.
+    pub(super) fn leave_device(&mut self, cut: &Cut) -> Result<(), Error> {
+        let Method::ConjugateGradients(settings) = self.settings.method else { return Ok(()) };
+        self.settings.method =
+            Method::ConjugateGradients(ConjugateGradients { device: None, ..settings });
+        let body = self.widened.as_deref().unwrap_or(self.problem.body);
+        self.solver = self.system(body)?;
+        self.tangent = self.settings.method.tangent(body);
+        self.left_device = Some(format!(
+            "steps in the single precision of the graphics processor do not lead from load {:.4} to equilibrium, as where \
+             one part is many times as stiff as another: {}",
+            self.load,
+            cut.sentence()
+        ));
         Ok(())
     }
 
@@ -273,9 +303,14 @@ impl<'a> Run<'a> {
         load: f64,
     ) -> Result<(f64, Vec<f64>, Vec<f64>), Cut> {
         let (clock, increment) = (Instant::now(), load - self.load);
-        let predictor =
-            Predictor::new(self.problem, &mut self.solver, u, first, [self.load, increment])
-                .map_err(Cut::Factor)?;
+        let listener = Listener::new(&mut *self.progress, self.load);
+        let until = Until { deadline: None, is_wanted: &|| listener.is_wanted() };
+        let loads = [self.load, increment];
+        let predictor = Predictor::new(self.problem, &mut self.solver, u, first, loads, until);
+        if listener.is_stopped() {
+            return Err(Cut::Cancelled);
+        }
+        let predictor = predictor.map_err(Cut::Factor)?;
         let mut part = predictor.range.max(self.settings.smallest_step / increment).min(1.0);
         let (mut force, still) = (vec![0.0; u.len()], vec![0.0; u.len()]);
         let predicted = loop {
@@ -333,7 +368,7 @@ impl<'a> Run<'a> {
             patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
             status: ending.status(),
             message: ending.message(self.problem),
-            device_fault: self.solver.device_fault().map(str::to_string),
+            device_fault: self.solver.device_fault().map(str::to_string).or(self.left_device),
             origin: self.solver.origin(),
             load: self.load,
             iterations: self.iterations,

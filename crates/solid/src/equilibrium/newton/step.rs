@@ -1,11 +1,13 @@
 //! One step of Newton's method: factor of the tangent, step, line search.
 
+use super::listener::Listener;
 use super::run::Run;
 use crate::clock::Instant;
 use crate::equilibrium::ending::Cut;
 use crate::equilibrium::iteration::backtrack;
 use crate::equilibrium::problem::patch_mean;
 use crate::equilibrium::skew;
+use crate::equilibrium::system::Until;
 use crate::linear::{FactorError, next_shift};
 
 /// Ratio of the energy of a linear step to that predicted by its tangent, above which the step is not used.
@@ -108,8 +110,10 @@ impl Run<'_> {
             .collect();
         let (mut free, mut change) = (vec![0.0; u.len()], Vec::new());
         let (problem, solver) = (self.problem, &mut self.solver);
+        let listener = Listener::new(&mut *self.progress, self.load);
+        let until = Until { deadline: None, is_wanted: &|| listener.is_wanted() };
         let solved = if problem.pressure.is_empty() {
-            solver.solve(&mut rhs, &constraint_residual, &mut free, &mut change, None)
+            solver.solve_until(&mut rhs, &constraint_residual, &mut free, &mut change, until)
         } else {
             let skew = |x: &[f64]| {
                 let mut force = vec![0.0; u.len()];
@@ -118,9 +122,12 @@ impl Run<'_> {
             };
             // What is prescribed pulls through the skew part too.
             rhs.iter_mut().zip(skew(&step)).for_each(|(b, s)| *b -= s);
-            skew::solve(solver, skew, &mut rhs, &constraint_residual, &mut free, &mut change)
+            skew::solve(solver, skew, &mut rhs, &constraint_residual, &mut free, &mut change, until)
+        };
+        if listener.is_stopped() {
+            return Err(Cut::Cancelled);
         }
-        .map_err(Cut::Factor)?;
+        let solved = solved.map_err(Cut::Factor)?;
         self.linear_iterations += solved.iterations;
         self.spent += solved.iterations;
         if let Some(budget) = self.budget {

@@ -90,7 +90,7 @@ pub trait DeviceSystem: Send + Sync {
         b: &[f64],
         steps: &[&[f64]],
         start: &[f64],
-        end: &DeviceEnd,
+        end: &DeviceEnd<'_>,
     ) -> Result<DeviceSolution, String>;
 
     /// The last direction of the last solution.
@@ -119,14 +119,35 @@ pub struct DeviceTangent<'a> {
 }
 
 /// Where a device stops.
-#[derive(Clone, Copy, Debug)]
-pub struct DeviceEnd {
+#[derive(Clone, Copy)]
+pub struct DeviceEnd<'a> {
     /// At this residual, relative to the right-hand side.
     pub tolerance: f64,
     /// After so many iterations.
     pub max_iterations: usize,
-    /// At this time, with the last iterate.
+    /// Then, with the last iterate.
+    pub until: Until<'a>,
+}
+
+/// When an iteration stops before its end.
+#[derive(Clone, Copy)]
+pub struct Until<'a> {
+    /// At this time.
     pub deadline: Option<Instant>,
+    /// Once this says no. A device asks between batches of iterations.
+    pub is_wanted: &'a dyn Fn() -> bool,
+}
+
+impl Until<'_> {
+    /// A time, or none.
+    pub fn time(deadline: Option<Instant>) -> Self {
+        Until { deadline, is_wanted: &|| true }
+    }
+
+    /// Whether to stop now.
+    pub fn is_over(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline) || !(self.is_wanted)()
+    }
 }
 
 /// The result of a device.
@@ -285,7 +306,7 @@ impl Remote {
         border: &Border,
         given: Given<'_>,
         (b, steps, start): (&[f64], &[&[f64]], &[f64]),
-        end: &DeviceEnd,
+        end: &DeviceEnd<'_>,
     ) -> Option<DeviceSolution> {
         self.attempt(border, given, |system| system.solve(b, steps, start, end))
     }

@@ -9,12 +9,11 @@ mod refinement;
 mod solution;
 
 use super::border::Border;
-use super::device::Remote;
+use super::device::{Remote, Until};
 use super::lagged::Lagged;
 use super::operand::Operand;
 use super::{ConjugateGradients, Preconditioner, Solved, absolute};
 use crate::body::Body;
-use crate::clock::Instant;
 use crate::equilibrium::Tangent;
 use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, IncompleteCholesky, Operator, Workspace,
@@ -255,7 +254,7 @@ impl Iterative {
         c: &[f64],
         step: &mut [f64],
         forces: &mut Vec<f64>,
-        deadline: Option<Instant>,
+        until: Until<'_>,
     ) -> Result<Solved, FactorError> {
         // The step that moves the patches, and what is left to balance.
         border.close(step, c, forces);
@@ -271,7 +270,7 @@ impl Iterative {
         let solved = if is_rounding {
             Solved { is_complete: true, ..Solved::default() }
         } else {
-            let solved = self.iterate(border, deadline)?;
+            let solved = self.iterate(border, until)?;
             self.note(&solved);
             self.guess.keep(&self.correction);
             step.iter_mut().zip(&self.correction).for_each(|(s, x)| *s += x);

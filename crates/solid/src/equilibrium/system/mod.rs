@@ -33,7 +33,7 @@ pub use conjugate_gradients::{ConjugateGradients, Preconditioner};
 use device::Remote;
 pub use device::{
     Device, DeviceEnd, DeviceSeries, DeviceSolution, DeviceSystem, DeviceTangent, OnDevice, Origin,
-    SERIES_LANES,
+    SERIES_LANES, Until,
 };
 use direct::{Direct, Excluded};
 use factor::TangentFactor;
@@ -277,6 +277,21 @@ impl ConstrainedSystem {
         forces: &mut Vec<f64>,
         deadline: Option<Instant>,
     ) -> Result<Solved, FactorError> {
+        self.solve_until(b, c, step, forces, Until::time(deadline))
+    }
+
+    /// As [`solve`](Self::solve), which a device also leaves where it is not wanted any more.
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve).
+    pub fn solve_until(
+        &mut self,
+        b: &mut [f64],
+        c: &[f64],
+        step: &mut [f64],
+        forces: &mut Vec<f64>,
+        until: Until<'_>,
+    ) -> Result<Solved, FactorError> {
         for (b, &held) in b.iter_mut().zip(&self.is_held) {
             *b = if held { 0.0 } else { *b };
         }
@@ -285,7 +300,7 @@ impl ConstrainedSystem {
         let solved = match &mut self.solver {
             Solver::Direct(factor) => factor.solve(&self.free, b, step).map(|()| direct)?,
             Solver::Indefinite(factor) => factor.solve(&self.free, b, step).map(|()| direct)?,
-            Solver::Iterative(iterative) => iterative.solve(b, c, step, forces, deadline)?,
+            Solver::Iterative(iterative) => iterative.solve(b, c, step, forces, until)?,
         };
         if !matches!(self.solver, Solver::Iterative(_)) {
             self.border.close(step, c, forces);

@@ -2,7 +2,7 @@
 //! gathered, what comes out scattered, once for a solution.
 
 use super::border::{Border, Row};
-use super::device::Remote;
+use super::device::{Remote, Until};
 use super::iterative::Iterative;
 use super::{ConjugateGradients, FIRST_SHIFT, Preconditioner, Solved};
 use crate::body::Body;
@@ -117,15 +117,15 @@ impl Numbered {
         c: &[f64],
         step: &mut [f64],
         forces: &mut Vec<f64>,
-        deadline: Option<Instant>,
+        until: Until<'_>,
     ) -> Result<Solved, FactorError> {
         let Numbered { iterative, border, numbering, load, step: own, .. } = self;
         let Some(numbering) = numbering else {
-            return iterative.solve(border, b, c, step, forces, deadline);
+            return iterative.solve(border, b, c, step, forces, until);
         };
         numbering.gather(b, load);
         own.fill(0.0);
-        let mut solved = iterative.solve(border, load, c, own, forces, deadline)?;
+        let mut solved = iterative.solve(border, load, c, own, forces, until)?;
         numbering.scatter(own, step);
         solved.indefinite = solved.indefinite.map(|dof| self.dof(dof));
         Ok(solved)
@@ -173,7 +173,7 @@ impl Numbered {
         let usual = self.iterative.set_tolerance(tolerance);
         let still = self.border.zeros();
         let mut step = vec![0.0; force.len()];
-        let solved = self.solve(force, &still, &mut step, &mut Vec::new(), None);
+        let solved = self.solve(force, &still, &mut step, &mut Vec::new(), Until::time(None));
         self.iterative.set_tolerance(usual);
         solved
     }

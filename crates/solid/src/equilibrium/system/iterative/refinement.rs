@@ -1,7 +1,7 @@
 //! Conjugate gradients on a device, in single precision, and their refinement in double (Higham 2002, section 12).
 
 use super::solution::{Projected, largest};
-use super::{Border, Instant, Iterative, Remote, Solved};
+use super::{Border, Iterative, Remote, Solved, Until};
 use crate::equilibrium::system::device::DeviceEnd;
 use crate::linear::conjugate_gradients::Operator;
 use crate::number::{dot, norm};
@@ -35,13 +35,13 @@ impl Iterative {
         &mut self,
         border: &Border,
         tolerance: f64,
-        deadline: Option<Instant>,
+        until: Until<'_>,
     ) -> Option<Solved> {
         if !matches!(self.remote, Remote::Working(_)) {
             return None;
         }
         let mut left = std::mem::take(&mut self.left);
-        let solved = self.refine(border, tolerance, deadline, &mut left);
+        let solved = self.refine(border, tolerance, until, &mut left);
         self.left = left;
         solved
     }
@@ -50,7 +50,7 @@ impl Iterative {
         &mut self,
         border: &Border,
         tolerance: f64,
-        deadline: Option<Instant>,
+        until: Until<'_>,
         left: &mut [f64],
     ) -> Option<Solved> {
         let (whole, mut before) = (norm(&self.residual), f64::INFINITY);
@@ -60,13 +60,13 @@ impl Iterative {
             solved.is_complete = solved.residual <= SLACK * tolerance;
             let has_stalled = !is_first && !(solved.residual < PROGRESS * before);
             // Even where time is up, a device makes a few iterations: from a guess alone no frame would come to its end.
-            let is_late = !is_first && deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            let is_late = !is_first && until.is_over();
             let budget = self.settings.max_iterations - solved.iterations;
             if solved.is_complete || has_stalled || is_late || budget == 0 {
                 return Some(solved);
             }
             let wanted = tolerance / solved.residual;
-            let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
+            let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, until };
             let steps: Vec<&[f64]> = match is_first && border.is_empty() {
                 true => self.guess.candidates().into_iter().flatten().filter(is_any).collect(),
                 false => Vec::new(),

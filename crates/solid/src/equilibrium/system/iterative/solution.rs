@@ -1,6 +1,6 @@
 //! One solution by conjugate gradients: where it sets out from, its iterations, and what their end means.
 
-use super::{Border, Inverse, Iterative, Operand, Remote, Solved};
+use super::{Border, Inverse, Iterative, Operand, Remote, Solved, Until};
 use crate::clock::Instant;
 use crate::linear::FactorError;
 use crate::linear::conjugate_gradients::{self as cg, Error, Operator, Settings};
@@ -15,7 +15,7 @@ impl Iterative {
     pub(super) fn iterate(
         &mut self,
         border: &Border,
-        deadline: Option<Instant>,
+        until: Until<'_>,
     ) -> Result<Solved, FactorError> {
         let whole = norm(&self.residual);
         let tolerance = self.settings.tolerance;
@@ -29,13 +29,13 @@ impl Iterative {
         } else {
             self.set_out(border, tolerance);
         }
-        if let Some(solved) = self.iterate_on_device(border, tolerance, deadline) {
+        if let Some(solved) = self.iterate_on_device(border, tolerance, until) {
             return Ok(solved);
         }
         if is_remote && self.correction.iter().all(|&x| x == 0.0) {
             self.set_out(border, tolerance);
         }
-        self.conjugate(border, tolerance, deadline)
+        self.conjugate(border, tolerance, until.deadline)
     }
 
     /// The step that a further force asks for, from zero; what is kept of the last steps stays as it is. None on a device

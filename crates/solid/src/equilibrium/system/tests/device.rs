@@ -94,7 +94,7 @@ impl DeviceSystem for FragileSystem {
         b: &[f64],
         _: &[&[f64]],
         start: &[f64],
-        _: &DeviceEnd,
+        _: &DeviceEnd<'_>,
     ) -> Result<DeviceSolution, String> {
         let works = self.left.fetch_update(Relaxed, Relaxed, |left| left.checked_sub(1));
         works.map_err(|_| "the device was lost".to_string())?;
