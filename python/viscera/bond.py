@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,6 +22,18 @@ Side: TypeAlias = str | tuple[str, Where]
 STIFFNESS = 100.0
 """Stiffness factor of a bond. An interface under a stress `s` opens by `s / E` of a hundredth of a cell's height."""
 FACTOR = Number(above=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The common pieces of the triangles of two surfaces, by nodes and coordinates that hold in another shape too."""
+
+    sides: tuple[Indices, Indices]
+    """Of each piece the face (p, 3) or (p, 6) of the first surface and that of the second."""
+    corners: Floats
+    """(p, 3, 2, 3) by corner of the piece: its barycentric coordinates in each of the two faces."""
+    shares: Floats
+    """(p,) area over that of the face of the first surface."""
 
 
 class Bond:
@@ -70,11 +83,8 @@ class Bond:
         """
         return self.first, self.second
 
-    def _samples(self, mesh: Mesh, faces: Sequence[Indices], modulus: Floats, reach: float) -> Ties:
-        """Its samples between the faces of both sides: points of a rule that is exact for products of shape functions.
-
-        mesh: of the scene; faces: (f, 3) or (f, 6) of each side; modulus (m,): plane strain modulus of the cells [Pa].
-        """
+    def _pieces(self, mesh: Mesh, faces: Sequence[Indices], reach: float) -> Pieces:
+        """What the faces (f, 3) or (f, 6) of both sides have in common on the mesh of the scene; reach [m]."""
         triangles = [np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces]
         pairs, corners, areas = _core.overlap(mesh.points, triangles[0], triangles[1], reach)
         if len(pairs) == 0:
@@ -82,18 +92,29 @@ class Bond:
                 f"{self!r}: no triangle of the one surface faces one of the other within {1e3 * reach:g} mm; move the "
                 "organs together, choose other places, or a larger reach"
             )
-        is_quadratic = faces[0].shape[1] == 6
+        first, second = (face[pair] for face, pair in zip(faces, pairs.T, strict=True))
+        whole, _ = areas_and_normals(mesh.points, first)
+        return Pieces((first, second), corners.reshape(-1, 3, 2, 3), areas / whole)
+
+    def _samples(self, mesh: Mesh, pieces: Pieces, modulus: Floats) -> Ties:
+        """Its samples on pieces: points of a rule that is exact for products of shape functions.
+
+        mesh: of the scene, in the shape whose areas, normals and heights count; modulus (m,): plane strain modulus of
+        the cells [Pa].
+        """
+        sides = pieces.sides
+        is_quadratic = sides[0].shape[1] == 6
         points, shares = QUADRATIC if is_quadratic else LINEAR
-        inside = np.einsum("qk,pksc->pqsc", points, corners.reshape(-1, 3, 2, 3))
+        inside = np.einsum("qk,pksc->pqsc", points, pieces.corners)
         shapes = [quadratic_shapes(side) if is_quadratic else side for side in np.moveaxis(inside, 2, 0)]
-        sides = [face[pair] for face, pair in zip(faces, pairs.T, strict=True)]
-        layers = [_layer(mesh, face, modulus)[pair] for face, pair in zip(faces, pairs.T, strict=True)]
+        whole, normals = areas_and_normals(mesh.points, sides[0])
+        layers = [_layer(mesh, faces, modulus) for faces in sides]
         per_area = self.stiffness * np.minimum(*layers)[:, None, None] * np.eye(3)
         if self.sliding:
-            _, normals = areas_and_normals(mesh.points, sides[0])
             per_area = per_area @ np.einsum("pi,pj->pij", normals, normals)
+        areas = pieces.shares * whole
         stiffness = (areas[:, None] * shares)[:, :, None, None] * per_area[:, None]
-        count, width = len(shares), 2 * faces[0].shape[1]
+        count, width = len(shares), 2 * sides[0].shape[1]
         nodes = np.repeat(np.concatenate(sides, axis=1), count, axis=0)
         weights = np.concatenate([shapes[0], -shapes[1]], axis=2)
         return ties.rows(nodes, weights.reshape(-1, width), stiffness.reshape(-1, 3, 3))

@@ -11,7 +11,7 @@ import numpy as np
 
 from viscera import _core
 from viscera import law as laws
-from viscera.bond import Bond
+from viscera.bond import Bond, Pieces
 from viscera.contact import Tool, tools_of
 from viscera.contact_pair import ContactPair, refuse_overlap, refuse_same
 from viscera.errors import VisceraError, did_you_mean
@@ -90,10 +90,8 @@ class Scene(Organ):
             for name, organ in self.organs.items()
             for support, ties in zip(organ.supports, organ._tied, strict=True)
         ]
-        for bond in given_bonds:
-            is_found = isinstance(bond, Spring | Placed)
-            held.append(bond if is_found else Placed(bond, self._samples(bond, nodal, law)))
-        held += [pair if isinstance(pair, Placed) else Placed(pair, self._surfaces(pair)) for pair in given_contacts]
+        held += [bond if isinstance(bond, Spring) else self._bonded(bond, nodal, law) for bond in given_bonds]
+        held += [self._touching(pair) for pair in given_contacts]
         try:
             super().__init__(mesh, law, fixed=fixed, element=first.element, supports=held)
         except VisceraError as error:
@@ -120,12 +118,13 @@ class Scene(Organ):
         of_cell = self.of_cell
         cells = {name: np.flatnonzero(of_cell == number) for number, name in enumerate(self.organs)}
         organs = {name: organ.with_law(law_of(whole, cells[name])) for name, organ in self.organs.items()}
-        return Scene(organs, self._bodies, self.bonds, self.contacts)
+        return Scene(organs, self._bodies, *self._joined)
 
     def with_mesh(self, mesh: Mesh) -> Scene:
         """The same scene where its organs have another shape: that of a mesh with the same cells, as for an `Organ`.
 
-        Bonds join what they join here, and are without stress there.
+        Bonds join what they join here, and are without stress there. Their normals, areas and stiffness, and lengths in
+        per cent such as the reach of a contact pair, are those of the new shape.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -258,13 +257,17 @@ class Scene(Organ):
 
         return scene_file.write(self, path, loads=loads, settings=settings)
 
-    def _samples(self, bond: Bond, mesh: Mesh, law: laws.Law) -> Ties:
+    def _bonded(self, given: Bond | Placed, mesh: Mesh, law: laws.Law) -> Placed:
+        """A bond with its samples; one that is kept joins what it joined, as stiff as this shape and law ask for."""
+        bond, pieces = (given.origin, given.pieces) if isinstance(given, Placed) else (given, None)
         if not isinstance(bond, Bond):
             raise refused("a bond of a scene", "a Bond or a Spring, such as Bond('liver', 'gallbladder')", bond)
-        sides, diagonal = self._sides(bond)
+        if pieces is None:
+            sides, diagonal = self._sides(bond)
+            pieces = bond._pieces(mesh, sides, length(bond.reach, diagonal, "the reach of a bond"))
         shear, bulk = np.broadcast_to(law.core().moduli(), (len(mesh.cells), 2)).T
         modulus = 4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
-        return bond._samples(mesh, sides, modulus, length(bond.reach, diagonal, "the reach of a bond"))
+        return Placed(bond, bond._samples(mesh, pieces, modulus), pieces)
 
     def _told(self, message: str) -> str:
         """What the core says of a contact pair, with its name in place of its number."""
@@ -272,17 +275,27 @@ class Scene(Organ):
             message = message.replace(f"contact pair {number} ", f"{pair!r} ")
         return message
 
-    def _surfaces(self, pair: ContactPair) -> Ties:
-        if not isinstance(pair, ContactPair):
-            raise refused("a contact of a scene", "a ContactPair, such as ContactPair('liver', 'stomach')", pair)
-        sides, diagonal = self._sides(pair)
-        if pair.second is not None and pair.first[0] == pair.second[0]:
-            self._refuse_shared(pair, np.intersect1d(sides[0], sides[1]))
+    def _touching(self, given: ContactPair | Placed) -> Placed:
+        """A contact pair with its surfaces; one that is kept has those it had, and the reach of this shape."""
+        if isinstance(given, Placed) and isinstance(given.origin, ContactPair):
+            reach = self._reach(given.origin)
+            surfaces = tuple(replace(each, reach=reach) for each in given.found.surfaces)
+            return Placed(given.origin, replace(given.found, surfaces=surfaces))
+        if not isinstance(given, ContactPair):
+            raise refused("a contact of a scene", "a ContactPair, such as ContactPair('liver', 'stomach')", given)
+        sides, _ = self._sides(given)
+        if given.second is not None and given.first[0] == given.second[0]:
+            self._refuse_shared(given, np.intersect1d(sides[0], sides[1]))
+        return Placed(given, given._ties(sides, self._reach(given)))
+
+    def _reach(self, pair: ContactPair) -> float:
+        """The reach of a contact pair [m] between its organs in this shape."""
+        diagonal = self._diagonal(pair)
         reach = length(pair.reach, diagonal, "the reach of a contact pair")
         if reach < LEAST_REACH * diagonal:
             least = f"at least {LEAST_REACH:.1%} of the diagonal of its smaller organ, {LEAST_REACH * diagonal:.3g} m"
             raise refused(f"the reach of {pair!r}", f"a length of {least}; steps are shorter than it", pair.reach)
-        return pair._ties(sides, reach)
+        return reach
 
     def _refuse_shared(self, pair: ContactPair, shared: Indices) -> None:
         """Raise `VisceraError` if the sides of a pair of one organ have nodes of the scene in common."""
@@ -312,8 +325,11 @@ class Scene(Organ):
                     f"{pair!r}: the place of {name!r} holds no triangle of its surface; take a larger one"
                 )
             sides.append(self._numbers[name][faces].astype(np.uint32))
-        diagonal = min(self.organ(name).mesh.diagonal for name, _ in pair.sides)
-        return sides, diagonal
+        return sides, self._diagonal(pair)
+
+    def _diagonal(self, pair: Bond | ContactPair) -> float:
+        """The diagonal of the smaller organ of a pair [m]."""
+        return min(self.organ(name).mesh.diagonal for name, _ in pair.sides)
 
 
 def _list_of(given: Any, name: str, what: str) -> tuple[Any, ...]:
@@ -335,13 +351,15 @@ class Placed:
 
     origin: Tied | Bond | ContactPair
     found: Ties
+    pieces: Pieces | None = None
+    """Those of a bond."""
 
     def ties(self, mesh: Mesh) -> Ties:
         """Its samples."""
         return self.found
 
     def on(self, mesh: Mesh) -> Placed:
-        """The same; another mesh makes another scene."""
+        """The same: a scene of another shape finds the samples anew, of a bond on the pieces kept."""
         return self
 
     def is_same(self, other: object) -> bool:

@@ -125,3 +125,48 @@ def test_organs_that_would_lie_in_each_other_have_no_unloaded_shape(cube: vs.Mes
     assert not rest.is_converged
     assert rest.load < 0.5
     assert "without the loads, the surfaces of ContactPair(lower, upper) overlap" in rest.message
+
+
+@pytest.mark.parametrize("sliding", [False, True])
+def test_a_bond_of_another_shape_has_its_normals_areas_and_stiffness(cube: vs.Mesh, sliding: bool) -> None:
+    """A scene turned and halved is solved as the one made there, under loads turned with it."""
+    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+    def bonded(mesh: Callable[[Any], vs.Mesh]) -> vs.Scene:
+        lower = vs.Organ(mesh(cube.points), TISSUE, fixed="bottom")
+        upper = vs.Organ(mesh(cube.points + np.array([0.0, 0.0, 0.1])), TISSUE, fixed="top")
+        bond = vs.Bond(("lower", "top"), ("upper", "bottom"), sliding=sliding)
+        return vs.Scene({"lower": lower, "upper": upper}, bonds=[bond])
+
+    def turned(points: Any) -> vs.Mesh:
+        return vs.mesh(0.5 * points @ turn.T, cube.cells, cube.sets)
+
+    first = bonded(lambda points: vs.mesh(points, cube.cells, cube.sets))
+    made = bonded(turned)
+    again = first.with_mesh(vs.mesh(0.5 * first.mesh.points @ turn.T, first.mesh.cells, first.mesh.sets))
+    force = {"lower/top": turn @ np.array([0.02, 0.01, -0.03])}
+    found, expected = (scene.solve(force=force, throw=True) for scene in (again, made))
+    assert np.abs(found.displacement - expected.displacement).max() < 1e-6 * expected.max_displacement
+    pull, right = (state.support_force(scene.bonds[0]) for state, scene in ((found, again), (expected, made)))
+    assert np.abs(pull - right).max() < 1e-6 * np.abs(right).max()
+
+
+def test_what_is_joined_stays_joined_with_another_law_in_another_shape(cube: vs.Mesh) -> None:
+    """The surfaces are three millimetres apart there, farther than the bond reaches."""
+    scene = stacked(cube, TISSUE)
+    points = scene.mesh.points + np.array([0.0, 0.0, 3e-3]) * (scene.of_node == 1)[:, None]
+    apart = scene.with_mesh(vs.mesh(points, scene.mesh.cells, scene.mesh.sets))
+    again = apart.with_law(TISSUE)
+    found, expected = (each.solve(**WEIGHT, throw=True).displacement for each in (again, apart))
+    assert np.abs(found - expected).max() < 1e-9
+
+
+def test_the_reach_of_a_contact_pair_is_that_of_the_shape(cube: vs.Mesh) -> None:
+    """In per cent it grows with the organs; in metres it stays."""
+    above = vs.mesh(cube.points + np.array([0.0, 0.0, 0.101]), cube.cells, cube.sets)
+    organs = {"lower": vs.Organ(cube, TISSUE, fixed="bottom"), "upper": vs.Organ(above, TISSUE, fixed="top")}
+    for reach, factor in (("5%", 0.01), (4e-3, 1.0)):
+        scene = vs.Scene(organs, contacts=[vs.ContactPair("lower", "upper", reach=reach)])
+        small = scene.with_mesh(vs.mesh(0.01 * scene.mesh.points, scene.mesh.cells, scene.mesh.sets))
+        before, now = (each._ties.surfaces[0].reach for each in (scene, small))
+        assert now == pytest.approx(factor * before, rel=1e-9)
