@@ -236,6 +236,12 @@ fn a_shift_is_added_and_budgets_are_kept() {
     let found = system.alone(&problem.b, &late).unwrap();
     assert_eq!((found.ending, found.iterations), (Ending::Spent, late.check_every));
     assert!(found.residual > 1e-6 && found.residual < 1.0);
+
+    // So does a caller who wants no more.
+    let mut fresh = problem.system(&gpu, &[]);
+    let start = vec![0.0; problem.b.len()];
+    let found = fresh.solve_while(&problem.b, &[], &start, &TIGHT, &|| false).unwrap();
+    assert_eq!((found.ending, found.iterations), (Ending::Spent, TIGHT.check_every));
 }
 
 #[test]

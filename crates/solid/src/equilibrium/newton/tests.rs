@@ -1,9 +1,12 @@
 //! What happens where conjugate gradients were chosen automatically and a factor has to take over.
 
 use super::*;
-use crate::body::Body;
+use crate::body::{Body, ProgrammedCells, ProgrammedSeries};
 use crate::equilibrium::system::NegativeCurvature;
-use crate::equilibrium::{ConjugateGradients, Preconditioner, Pressure, Status};
+use crate::equilibrium::{
+    ConjugateGradients, Device, DeviceEnd, DeviceSeries, DeviceSolution, DeviceSystem,
+    DeviceTangent, OnDevice, Preconditioner, Pressure, Status,
+};
 use crate::law::Material;
 use crate::mesh::samples::block;
 
@@ -104,4 +107,82 @@ fn a_probe_finds_an_eigenvalue_that_is_hardly_negative() {
     }
     let found = solved(cycles, &pushed(&body, 0.99 * low));
     assert_eq!(found.solvers, ["multigrid"]);
+}
+
+/// A device that never ends unless it is told to, ten seconds at most.
+struct Endless;
+
+impl Device for Endless {
+    fn system(
+        &self,
+        n: usize,
+        _: &[(u32, u32)],
+        _: Option<&ProgrammedCells<'_>>,
+    ) -> Result<Box<dyn DeviceSystem>, String> {
+        Ok(Box::new(EndlessSystem(3 * n)))
+    }
+
+    fn series(&self, _: &ProgrammedSeries<'_>) -> Result<Box<dyn DeviceSeries>, String> {
+        Err("it expands nothing".to_string())
+    }
+}
+
+struct EndlessSystem(usize);
+
+impl DeviceSystem for EndlessSystem {
+    fn hold(&mut self, _: &[bool], _: &[Vec<(u32, f64)>]) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn load(&mut self, _: &[f64], _: f64) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn form(&mut self, _: &DeviceTangent<'_>) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, String> {
+        Ok(vec![0.0; x.len()])
+    }
+
+    fn direction(&mut self) -> Result<Vec<f64>, String> {
+        Ok(vec![0.0; self.0])
+    }
+
+    fn solve(
+        &mut self,
+        _: &[f64],
+        _: &[&[f64]],
+        _: &[f64],
+        end: &DeviceEnd<'_>,
+    ) -> Result<DeviceSolution, String> {
+        let began = Instant::now();
+        while (end.until.is_wanted)() {
+            if began.elapsed().as_secs() >= 10 {
+                return Err("nobody told it to end".to_string());
+            }
+        }
+        let x = vec![0.0; self.0];
+        Ok(DeviceSolution { x, iterations: 1, residual: 1.0, magnitude: 0.0, is_indefinite: false })
+    }
+}
+
+#[test]
+fn the_caller_can_stop_a_device_that_iterates() {
+    let body = column();
+    let settings = ConjugateGradients {
+        preconditioner: Preconditioner::BlockJacobi,
+        device: Some(OnDevice(&Endless)),
+        ..ConjugateGradients::default()
+    };
+    let newton = Newton { method: Method::ConjugateGradients(settings), ..Newton::default() };
+    let mut calls = 0;
+    let outcome = newton.solve(&pushed(&body, 0.01), &mut |_| {
+        calls += 1;
+        calls < 4
+    });
+    // Before and after the tangent is prepared; then twice while the device iterates.
+    assert!(matches!(outcome, Err(Error::Cancelled)));
+    assert_eq!(calls, 4);
 }
