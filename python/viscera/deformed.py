@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -379,10 +380,31 @@ def _among_those_of_a_model(support: Tied | Bond, organ: Organ) -> list[Ties]:
     kept = [own for own in organ.supports if isinstance(own, Ties)]
     if not kept:
         return []
-    own = support.ties(organ.mesh) if isinstance(support, Tied) else None
-    if own is None or not any(each.holds(own) for each in kept):
+    found = [own for own in _on_each_organ(support, organ.mesh) if any(each.holds(own) for each in kept)]
+    if not found:
         raise VisceraError(
             f"{support!r} is not found among the supports of this model, which keeps them all together; "
             "`answer.support_force(touch.organ().supports[0])` tells the force of all"
         )
-    return [own]
+    if len(found) > 1:
+        raise VisceraError(
+            f"{len(found)} organs of this model of a scene have a support as {support!r}, and the model does not know "
+            "them apart; give each organ a place or a stiffness of its own and reduce again"
+        )
+    return found
+
+
+def _on_each_organ(support: Tied | Bond, mesh: Mesh) -> list[Ties]:
+    """The samples of a support on each organ of a model of a scene, where its place is meant, or on the one organ."""
+    from viscera.joined import numbers_of, parted_mesh, renumbered
+
+    if not isinstance(support, Tied):
+        return []
+    parts = parted_mesh(mesh)
+    if not parts:
+        return [support.ties(mesh)]
+    numbers, found = numbers_of(parts), []
+    for name, part in parts.items():
+        with suppress(VisceraError):  # an organ without such a place
+            found.append(renumbered(support.ties(part), numbers[name]))
+    return found

@@ -14,16 +14,14 @@ from viscera.organ import Organ
 from viscera.ties import Ties
 
 
-def numbers_of(organs: Mapping[str, Organ]) -> dict[str, NDArray[np.int64]]:
-    """Of each organ: the nodes of the scene that are its own. The midpoints of all organs come after all corners."""
-    corners = np.cumsum([0, *(organ.mesh.n_corners for organ in organs.values())])
-    edges = corners[-1] + np.cumsum([0, *(len(organ.mesh.edges) for organ in organs.values())])
-    starts = zip(organs.items(), corners[:-1], edges[:-1], strict=True)
+def numbers_of(meshes: Mapping[str, Mesh]) -> dict[str, NDArray[np.int64]]:
+    """Of the mesh of each organ: the nodes of the scene that are its own. All midpoints come after all corners."""
+    corners = np.cumsum([0, *(mesh.n_corners for mesh in meshes.values())])
+    edges = corners[-1] + np.cumsum([0, *(len(mesh.edges) for mesh in meshes.values())])
+    starts = zip(meshes.items(), corners[:-1], edges[:-1], strict=True)
     return {
-        name: np.concatenate(
-            [first + np.arange(organ.mesh.n_corners), middle + np.arange(len(organ.mesh.edges))]
-        ).astype(np.int64)
-        for (name, organ), first, middle in starts
+        name: np.concatenate([first + np.arange(mesh.n_corners), middle + np.arange(len(mesh.edges))]).astype(np.int64)
+        for (name, mesh), first, middle in starts
     }
 
 
@@ -45,6 +43,27 @@ def joined_mesh(organs: Mapping[str, Organ]) -> Mesh:
     all_points.flags.writeable = all_cells.flags.writeable = False
     axes = {organ.mesh.axes for organ in organs.values()}
     return Mesh(all_points, all_cells, sets, cell_sets=cell_sets, axes=axes.pop() if len(axes) == 1 else "")
+
+
+def parted_mesh(mesh: Mesh) -> dict[str, Mesh]:
+    """The meshes of the organs, by name, that `joined_mesh` has put side by side; empty if it has not made this one."""
+    whole = mesh.linear()
+    names = [name for name in whole.sets if "/" not in name and name in whole.cell_sets]
+    names.sort(key=lambda name: int(whole.sets[name][0]))
+    nodes = [np.zeros(0, dtype=np.uint32), *(whole.sets[name] for name in names)]
+    if not np.array_equal(np.concatenate(nodes), np.arange(len(whole.points))):
+        return {}
+    parts = {}
+    for name in names:
+        first, count = whole.sets[name][0], len(whole.sets[name])
+        cells = whole.cells[whole.cell_sets[name]]
+        if cells.min() < first or cells.max() >= first + count:
+            return {}
+        own = f"{name}/"
+        sets = {word.removeprefix(own): at - first for word, at in whole.sets.items() if word.startswith(own)}
+        part = Mesh(whole.points[first : first + count], cells - first, sets)
+        parts[name] = part.quadratic() if len(mesh.edges) else part
+    return parts
 
 
 def joined_law(organs: Mapping[str, Organ]) -> laws.Law:

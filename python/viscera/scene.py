@@ -80,7 +80,7 @@ class Scene(Organ):
         """The contact pairs."""
         bodies = _list_of(bodies, "bodies", "tools and shapes, such as [Tool(HalfSpace())]")
         first = next(iter(self.organs.values()))
-        self._numbers = numbers_of(self.organs)
+        self._numbers = numbers_of({name: organ.mesh for name, organ in self.organs.items()})
         refuse_same([pair for pair in given_contacts if not isinstance(pair, Placed)])
         mesh, law = joined_mesh(self.organs), joined_law(self.organs)
         nodal = mesh.quadratic() if first.element == "P2" else mesh

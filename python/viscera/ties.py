@@ -14,6 +14,9 @@ import numpy as np
 from viscera import _core
 from viscera.mesh import Floats, Indices, Mesh
 
+SAME = 1e-9
+"""Relative difference of the weights and stiffnesses of two samples that is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Link:
@@ -110,17 +113,31 @@ class Ties:
         return np.asarray(pull - np.einsum("sij,sj->i", self.stiffness.reshape(-1, 3, 3), stretch))
 
     def holds(self, other: Ties) -> bool:
-        """Whether all samples of another are among these, as those of one support are among those of all."""
-        return not other.links and not other.surfaces and other._samples() <= self._samples()
+        """Whether all samples of another are among these, as those of one support are among those of all.
 
-    def _samples(self) -> set[tuple[bytes, ...]]:
-        """Nodes, weights and stiffness of each sample, to be compared bit by bit."""
+        Weights and stiffness count as equal within rounding: the points of a preloaded model are computed back.
+        """
+        if other.links or other.surfaces:
+            return False
+        near = SAME * np.abs(self.stiffness).max(initial=0.0)
+        own = dict[bytes, list[tuple[Floats, Floats]]]()
+        for nodes, weights, stiffness in self._samples():
+            own.setdefault(nodes, []).append((weights, stiffness))
+        return all(
+            any(
+                np.abs(weights - its).max() <= SAME and np.abs(stiffness - k).max() <= near
+                for its, k in own.get(nodes, [])
+            )
+            for nodes, weights, stiffness in other._samples()
+        )
+
+    def _samples(self) -> list[tuple[bytes, Floats, Floats]]:
+        """Nodes, weights and stiffness of each sample."""
         if not len(self):
-            return set()
+            return []
         ends = self.start[1:-1].astype(np.int64)
         nodes, weights = (np.split(each, ends) for each in (self.nodes, self.weights))
-        each = zip(nodes, weights, self.stiffness, strict=True)
-        return {(own.tobytes(), weight.tobytes(), k.tobytes()) for own, weight, k in each}
+        return [(own.tobytes(), *rest) for own, *rest in zip(nodes, weights, self.stiffness, strict=True)]
 
     def ties(self, mesh: Mesh) -> Ties:
         """These, whatever the mesh: ties that a model file keeps are among the supports of its organ."""

@@ -3,6 +3,7 @@
 import itertools
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -248,3 +249,42 @@ REFUSED = [(0.0, None), (-1.0, None), (np.nan, None), (1e6, -1.0), ("1", 0)]
 def test_stiffnesses_out_of_range_are_refused(stiffness: float, tangential: float) -> None:
     with pytest.raises(vs.VisceraError, match="stiffness of an elastic support must be a number"):
         vs.ElasticSupport("base", stiffness, tangential)
+
+
+def bonded_blocks(lower_supports: list[Any], upper_supports: list[Any], element: str) -> vs.Scene:
+    lower = block(2)
+    upper = vs.mesh(lower.points + np.array([0.0, 0.0, SIDE]), lower.cells, lower.sets)
+    organs = {
+        "lower": vs.Organ(lower, TISSUE, supports=lower_supports, element=element),
+        "upper": vs.Organ(upper, TISSUE, fixed="top", supports=upper_supports, element=element),
+    }
+    return vs.Scene(organs, bonds=[vs.Bond(("lower", "top"), ("upper", "base"))])
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_an_answer_of_a_scene_tells_the_force_of_the_support_of_an_organ(tmp_path: Path, element: str) -> None:
+    """The place of a support is one of its organ, not of the whole scene; of two supports alike none is guessed."""
+    high, west, alike = (vs.ElasticSupport(where, SPRING) for where in ("z > 49%", "west", "west"))
+    push: Any = ((SIDE, 0.05, 0.05), (-0.001, 0.0, 0.0))
+    scene = bonded_blocks([high, west], [], element)
+    reduced: dict[str, Any] = {"radius": 0.04, "depth": 0.002, "order": 2}
+    touch = scene.reduce(scene.place("lower", "x > 99%"), **reduced)
+    touch.save(tmp_path / "scene.viscera")
+    for model in (touch, vs.load(tmp_path / "scene.viscera")):
+        answer = model(*push)
+        moved = scene.moved(answer.displacement)
+        for one in (high, west):
+            assert answer.support_force(one) == pytest.approx(moved.support_force(one), rel=1e-9)
+    twice = bonded_blocks([west], [alike], element)
+    answer = twice.reduce(twice.place("lower", "x > 99%"), **reduced)(*push)
+    with pytest.raises(vs.VisceraError, match="2 organs of this model of a scene have a support as"):
+        answer.support_force(west)
+
+
+def test_a_support_is_found_among_those_of_a_model_within_rounding() -> None:
+    """The rest shape of a preloaded model is computed back from the loaded one."""
+    mesh, support = block(), bed()
+    back = vs.mesh((mesh.points + 1.0123) - 1.0123, mesh.cells, mesh.sets)
+    assert not np.array_equal(back.points, mesh.points)
+    assert support.ties(mesh).holds(support.ties(back))
+    assert not support.ties(mesh).holds(bed(1.001 * SPRING).ties(back))
