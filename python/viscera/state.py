@@ -157,7 +157,8 @@ class State(Deformed, Pictured):
         for pair, contact in self._pairs:
             if pair.is_same(tool):
                 return contact
-        raise unknown_contact(tool, "solve", "name it in contact=[...]")
+        remedy = "name it in contact=[...]; of a pickled state take the tool pickled with it, as in (state, tool)"
+        raise unknown_contact(tool, "solve", remedy)
 
     def force(self, tool: Tool | AnyShape | ContactPair) -> Floats:
         """Force (3,) of a tool on the organ [N]; of a contact pair, see `contact`.

@@ -116,3 +116,13 @@ def test_a_stepper_says_what_to_keep_instead(bar: vs.Mesh, of: str, again: Calla
         again(made[of])
     other, displacement = again((organ, frame.displacement))
     assert np.array_equal(other.stepper(start=displacement).displacement, frame.displacement)
+
+
+def test_a_tool_pickled_with_its_state_tells_its_force(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=10e3, poisson=0.3), fixed="root")
+    table = vs.Tool(vs.HalfSpace(), position=(0, 0, 1e-4))
+    state = organ.solve(contact=[table], throw=True)
+    again, tool = pickle.loads(pickle.dumps((state, table)))
+    assert np.array_equal(again.force(tool), state.force(table))
+    with pytest.raises(vs.VisceraError, match=r"take the tool pickled with it, as in \(state, tool\)"):
+        again.force(table)
