@@ -194,7 +194,7 @@ def test_what_cannot_be_held_is_let_go(page: Viewer) -> None:
     page.call("touch", (0.0, 0.05, 0.16), [0.0, 0.0, 0.0])
     warning = page.page.locator(".warning.is-shown")
     warning.wait_for()
-    assert "mm of the point (0, 50, 160) mm; take hold elsewhere" in warning.inner_text()
+    assert warning.inner_text() == "the surface is fixed at the point (0, 50, 160) mm; take hold beside it"
     page.call("touch", TOP, [0.0, 0.0, 0.01])
     page.page.wait_for_function(STILL)
     assert warning.count() == 0
