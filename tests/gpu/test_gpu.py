@@ -210,11 +210,11 @@ def test_frames_of_every_organ(mesh: Callable[[], vs.Mesh], fixed: str, where: s
     states = [body.solve(displacement={where: (None, None, 0.0005 * k)}) for k in range(3)]
     ends, counts = [], []
     for solver in (CPU, GPU):
-        steppers = [body.stepper(start=state, solver=solver) for state in states]
+        steppers = [body.stepper(start=state, solver=solver) for state in states[:2]]
         frames = [stepper.frame(hand) for stepper in steppers]
         assert all(frame.is_solved for frame in frames)
         counts.append(sum(frame.iterations for frame in frames))
-        ends.append([steppers[1].frame(hand) for _ in range(5)][-1].displacement)
+        ends.append([steppers[1].frame(hand) for _ in range(3)][-1].displacement)
     assert counts[0] > 50
     assert abs(counts[1] - counts[0]) <= 0.1 * counts[0]
     assert all(frame.tangent_on_device == "formed" for frame in frames)
