@@ -77,7 +77,7 @@ class Tool:
         return f"Tool({self.shape!r}, position={self.position.tolist()}, friction={self.friction!r})"
 
     def arrived(self) -> Tool:
-        """The tool at the end of its motion, for a solve that continues from there.
+        """The tool at the end of its motion, for a solve that continues from there: tissue goes on sticking to it.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

@@ -19,8 +19,10 @@ PLACED = 1e-12
 
 
 def anchored(tools: Sequence[Tool], start: object, mesh: Mesh) -> list[list[_core.Anchored]]:
-    """What sticks to each tool since the solve that ended in `start`: nothing unless `start` is a state of these points
-    and cells, and the tool begins where that solve has left it, with the same shape, friction and stiffness.
+    """What sticks to each tool since the solve that ended in `start`, a list for each.
+
+    A list is empty unless `start` is a state on these points and cells, and the tool begins where that solve has left
+    it, with the same shape object, friction and stiffness.
     """
     if not isinstance(start, State) or not _is_same(start.mesh, mesh):
         return [[] for _ in tools]

@@ -78,8 +78,8 @@ class Statics(Supported):
         contact: rigid tools, `[Tool(Sphere(0.01), position=..., displacement=...)]`, which move by their `displacement`
             in proportion to the load. They must start outside the organ. `State.contact(tool)` gives their forces.
             Friction is integrated from load step to load step; if a tool reverses its direction, solve each direction
-            separately: friction goes on from a state in `start` for tools that begin where its solve has left them
-            (`Tool.arrived`).
+            separately. With a state as `start`, friction goes on for tools that begin where the state's solve has left
+            them (`Tool.arrived`).
         steps: initial number of load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; by default rest.
         settings: of Newton's method, by name: "tolerance", "max_iterations", "max_backtracks", "smallest_step", as in
