@@ -53,8 +53,8 @@ class Prescribed:
 
 
 def by_place(given: Any, what: str) -> dict[Any, Any]:
-    """`{where: value}` of a mapping or of pairs, indices as tuples; of None, nothing. Raises `VisceraError` for what is
-    neither."""
+    """`{where: value}` of a mapping or of pairs, indices as tuples; `{}` of None. Raises `VisceraError` for anything
+    else."""
     if given is None:
         return {}
     pairs = list(given.items()) if isinstance(given, Mapping) else given

@@ -55,7 +55,7 @@ def with_band(distance: float, band: float) -> str:
     places = [digits - 1 - int(np.floor(np.log10(size))) for size, digits in sizes]
     decimals = max(min([*places, FINEST]), 0) if places else 1
     rounded = round(distance, decimals)
-    # The machine's rounding does not make 0.31 of 0.3.
+    # A product that floating point puts just above a whole number is not rounded up to the next one.
     units = np.ceil((band + abs(rounded - distance)) * 10.0**decimals * (1.0 - 1e-9))
     return f"{rounded:.{decimals}f} ± {units / 10.0**decimals:.{decimals}f}"
 

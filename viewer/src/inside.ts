@@ -129,7 +129,7 @@ export function shiftInWords(shift: Shift): string {
   const places = sizes.filter(([size]) => size > 0 && size < Infinity).map(([size, count]) => decimalsOf(size, count));
   const decimals = places.length > 0 ? Math.max(Math.min(...places, FINEST), 0) : 1;
   const lost = Math.abs(Number(distance.toFixed(decimals)) - distance);
-  // The machine's rounding does not make 0.31 of 0.3.
+  // A product that floating point puts just above a whole number is not rounded up to the next one.
   const units = Math.ceil((band + lost) * 10 ** decimals * (1 - 1e-9));
   return `${fixed(distance, decimals)} ± ${fixed(units / 10 ** decimals, decimals)} mm`;
 }
