@@ -1,6 +1,6 @@
 // A sentence where a view will be, or cannot be.
 import { element, followTheme } from "./dom";
-import style from "./style.css?inline";
+import style from "./style/index.css?inline";
 
 export class Notice {
   private readonly host = element("div", { style: "position:absolute;inset:0" });

@@ -1,6 +1,6 @@
 // Where a view stands in its place: a shadow tree with the canvas, and panels at the edges that leave a clearing.
 import { element } from "./dom";
-import style from "./style.css?inline";
+import style from "./style/index.css?inline";
 
 export class Plan {
   readonly canvas = element("canvas", { class: "stage", tabindex: "0", role: "application" });
