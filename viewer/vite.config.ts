@@ -9,6 +9,6 @@ export default defineConfig({
     outDir: "../python/viscera/viewer/static",
     emptyOutDir: true,
     assetsInlineLimit: Number.MAX_SAFE_INTEGER,
-    lib: { entry: { viewer: "src/index.ts", stepper: "src/stepper.ts" }, formats: ["es"], fileName: (_, name) => `${name}.js` },
+    lib: { entry: { viewer: "src/index.ts", stepper: "src/live/stepper.ts" }, formats: ["es"], fileName: (_, name) => `${name}.js` },
   },
 });

@@ -49,7 +49,7 @@ def with_band(distance: float, band: float) -> str:
 
     The band has two digits, and the distance as many decimals, but no more than four digits where it is known better.
     The band is rounded up, with what the rounding of the distance takes from it. The page does the same
-    (viewer/src/inside.ts).
+    (viewer/src/stage/inside.ts).
     """
     sizes = [(size, digits) for size, digits in ((band, 2), (distance, 4)) if 0.0 < size < np.inf]
     places = [digits - 1 - int(np.floor(np.log10(size))) for size, digits in sizes]

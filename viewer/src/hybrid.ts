@@ -1,10 +1,10 @@
 // The hybrid start: the organ of a model is stepped until the model has arrived, which then takes over.
-import { Evaluator } from "./evaluator";
-import { load } from "./files";
-import { WorkerLink } from "./link";
-import { connect, type LiveView } from "./live";
-import { indices } from "./safetensors";
-import { View } from "./view";
+import { Evaluator } from "./model/evaluator";
+import { load } from "./model/files";
+import { WorkerLink } from "./live/link";
+import { connect, type LiveView } from "./live/live";
+import { indices } from "./model/safetensors";
+import { View } from "./view/view";
 
 /** The view of the organ that is stepped first, and the model's view once that has taken over. */
 export interface Hybrid {

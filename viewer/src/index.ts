@@ -1,15 +1,15 @@
 // What the page and the notebook load: `open` for a page, the default export for anywidget.
-import { load } from "./files";
+import { load } from "./model/files";
 import { hybrid } from "./hybrid";
-import { SocketLink, WorkerLink, type Link } from "./link";
-import { connect, type LiveView } from "./live";
-import { inWords, Notice } from "./notice";
-import { View } from "./view";
+import { SocketLink, WorkerLink, type Link } from "./live/link";
+import { connect, type LiveView } from "./live/live";
+import { inWords, Notice } from "./panels/notice";
+import { View } from "./view/view";
 import { render } from "./widget";
 
-export { Evaluator } from "./evaluator";
-export { scale } from "./scale";
-export { View } from "./view";
+export { Evaluator } from "./model/evaluator";
+export { scale } from "./base/scale";
+export { View } from "./view/view";
 
 declare global {
   interface Window {

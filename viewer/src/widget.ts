@@ -1,10 +1,10 @@
 // The view below a notebook's cell: it follows the touches that Python asks for, and tells Python of those of a hand.
-import { element } from "./dom";
-import { KernelLink, type Kernel } from "./link";
-import { connect, type LiveView } from "./live";
-import { inWords, Notice } from "./notice";
-import { agree, UNTOUCHED, type Told } from "./told";
-import { View } from "./view";
+import { element } from "./base/dom";
+import { KernelLink, type Kernel } from "./live/link";
+import { connect, type LiveView } from "./live/live";
+import { inWords, Notice } from "./panels/notice";
+import { agree, UNTOUCHED, type Told } from "./touch/told";
+import { View } from "./view/view";
 
 /** What Python asks for, and its own answer; the number makes the same touch anew another one. */
 type Asked = Partial<Told> & { number: number };

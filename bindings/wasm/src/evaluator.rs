@@ -1,4 +1,4 @@
-//! The on-line evaluator, for viewer/src/evaluator.ts.
+//! The on-line evaluator, for viewer/src/model/evaluator.ts.
 //!
 //! A page holds one or more organs by their address. Every pointer handed out stays valid until the organ is closed;
 //! what it points to is overwritten by the next call of the same function (and slot).

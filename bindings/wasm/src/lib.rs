@@ -1,7 +1,7 @@
 //! The core in a page: plain functions over the page's memory. Translation only: all numbers come from viscera-core.
 //!
-//! Two modules are built of it: the on-line evaluator (viewer/src/evaluator.ts), small enough for every page, and the
-//! stepper with all solvers (viewer/src/stepper.ts), which a page loads when it steps a case.
+//! Two modules are built of it: the on-line evaluator (viewer/src/model/evaluator.ts), small enough for every page, and the
+//! stepper with all solvers (viewer/src/live/stepper.ts), which a page loads when it steps a case.
 
 #[cfg(feature = "stepper")]
 mod device;

@@ -1,4 +1,4 @@
-//! A case stepped in the page, for viewer/src/stepper.ts: requests in, frames out, as on the server.
+//! A case stepped in the page, for viewer/src/live/stepper.ts: requests in, frames out, as on the server.
 
 use crate::{device, say};
 use viscera_live::{Case, Live};

@@ -1,4 +1,4 @@
-//! The driver of a page: its WebGPU, as functions of the imported module `gpu` (viewer/src/gpu.ts). Objects are numbers.
+//! The driver of a page: its WebGPU, as functions of the imported module `gpu` (viewer/src/live/gpu.ts). Objects are numbers.
 //! The page has one device and one thread. Functions that wait for the device suspend the module.
 
 use super::{About, Contents, Kind};

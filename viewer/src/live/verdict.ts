@@ -1,0 +1,26 @@
+// What a frame says of the organs, in words: their forces, and what is the matter with them.
+import { newtons } from "../base/dom";
+import { lawName } from "../model/lawname";
+import { WORTH, type Hand, type Specimen } from "./specimen";
+
+/** The forces of the hands that hold on, specimen by specimen; what they hold of a scene is named. */
+export function forces(specimens: readonly Specimen[], hands: readonly (Hand | null)[]): string {
+  const said = specimens.map(({ law, sizes, standing }) => {
+    const held = hands.flatMap((hand) => hand?.organ ?? []);
+    const sizesHeld = sizes.filter((_, hand) => hands[hand]).map(newtons);
+    const worth = standing === "sound" ? "" : `, ${WORTH[standing]}`;
+    return `${held.join(" and ") || lawName(law)}: ${sizesHeld.join(" and ")}${worth}.`;
+  });
+  return said.join(" ");
+}
+
+/** What is the matter with the last frame; empty where nothing is, and of buckling while the organ comes to its loads. */
+export function trouble(specimens: readonly Specimen[], hands: readonly (Hand | null)[]): string {
+  const named = ({ law }: Specimen) => (specimens.length > 1 ? ` (${lawName(law)})` : "");
+  const cut = hands.some(Boolean) && specimens.find(({ facts }) => facts.taken < 1);
+  if (cut) return `The hand moves too fast${named(cut)}: the step was shortened, so that no cell is inverted.`;
+  const flat = specimens.find(({ facts }) => facts.cellsAtBound > 0);
+  if (flat) return `A cell has reached the limit of its deformation${named(flat)}.`;
+  const unstable = specimens.find(({ facts, hasSettled }) => facts.isUnstable && hasSettled);
+  return unstable ? `The organ is about to buckle here${named(unstable)}.` : "";
+}
