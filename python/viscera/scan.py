@@ -7,6 +7,7 @@ a mesh has the axes of its scan, in metres.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -178,7 +179,7 @@ class Scan:
         return Region(name, found)
 
     def _number(self, label: Any) -> int:
-        if isinstance(label, str) and not label.lstrip("-").isdigit():
+        if isinstance(label, str) and not re.fullmatch(r"-?\d+", label):
             found = [n for n, name in (self.names or {}).items() if name == label and n in self.labels]
             if not found:
                 raise VisceraError(f"the image has no label {label!r}; it has {self._listing()}")
@@ -220,11 +221,12 @@ class Scan:
             raise VisceraError(f"{path}: nothing is painted in it; every voxel is 0")
         return lambda mesh: np.flatnonzero(painted.near(mesh.points, numbers)).astype(np.uint32)
 
-    def touching(self, mesh: Mesh, label: int) -> Indices:
+    def touching(self, mesh: Mesh, label: int | str) -> Indices:
         """Nodes where a mesh of this scan touches a label: those shared with the label's cells if these are meshed,
         otherwise those of the surface at most 0.75 voxels from the label's voxels.
 
-        Raises `VisceraError` if the label is meshed as a part of several, since nodes do not tell its labels apart.
+        label: its number, or its name if the file has names. Raises `VisceraError` for a label that is not in the
+        image, and if it is meshed as a part of several, since nodes do not tell its labels apart.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -236,13 +238,16 @@ class Scan:
         >>> len(scan.touching(mesh, 2)) > 0
         True
         """
+        if not isinstance(mesh, Mesh):
+            raise refused("the mesh", 'a Mesh, such as scan.mesh({"liver": 5}, edge="8 mm")', mesh)
+        number = self._number(label)
         for name, cells in mesh.cell_sets.items():
             held = self._held(mesh, cells)
-            if label in held:
-                if any(share > FEW for other, share in held.items() if other != label):
-                    raise VisceraError(_within(label, name))
+            if number in held:
+                if any(share > FEW for other, share in held.items() if other != number):
+                    raise VisceraError(_within(number, name))
                 return _shared(mesh, cells)
-        return self._beside(mesh, label)
+        return self._beside(mesh, number)
 
     def _held(self, mesh: Mesh, cells: Indices) -> dict[int, float]:
         """Labels that some cells cover by more than half, each with its share of these cells' volume."""
@@ -290,8 +295,12 @@ class Scan:
         voxel[~is_inside] = 0
         return np.where(is_inside, self.values[tuple(voxel.T)], 0)
 
-    def near(self, places: ArrayLike, labels: Sequence[int], reach: float = NEAR) -> NDArray[np.bool_]:
+    def near(
+        self, places: ArrayLike, labels: int | str | Sequence[int | str], reach: float = NEAR
+    ) -> NDArray[np.bool_]:
         """Whether points (k, 3) [m] are at most `reach` voxels, from 0 to 1, from a voxel with one of the labels.
+
+        labels: numbers, or names if the file has names. Raises `VisceraError` for a label that is not in the image.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -304,7 +313,7 @@ class Scan:
         """
         reach = Number(low=0, high=1)(reach, "reach, in voxels,")  # none but the nearest voxels are looked at
         index = np.clip(self.index(places), -FAR, FAR)
-        is_label = np.isin(self.values, labels)
+        is_label = np.isin(self.values, [self._number(label) for label in several(labels, "labels")])
         base = np.rint(index).astype(np.int64)
         found = np.zeros(len(index), dtype=bool)
         for offset in np.ndindex(3, 3, 3):

@@ -283,6 +283,21 @@ def test_a_label_within_a_part_of_several_is_not_said_to_be_touched() -> None:
     assert np.array_equal(scan.touching(alone, 2), scan.mesh({"liver": 1}, edge="10 mm", fixed="label:2").sets["fixed"])
 
 
+def test_a_label_is_touched_by_its_number_or_its_name_and_no_other(labelled: vs.Scan) -> None:
+    named = replace(labelled, names={7: "liver", 300: "vein"})
+    mesh = named.mesh({"liver": 7}, edge="15 mm")
+    touched = named.touching(mesh, 300)
+    assert len(touched) > 0
+    for label in ("vein", "300", np.uint16(300)):
+        assert np.array_equal(named.touching(mesh, label), touched)
+    for label, words in ((999, "no voxel has the label 999; the image has the labels 7"), ("vena", "no label 'vena'")):
+        with pytest.raises(vs.VisceraError, match=words):
+            named.touching(mesh, label)
+        with pytest.raises(vs.VisceraError, match=words):
+            named.near(mesh.points, label)
+    assert np.array_equal(named.near(mesh.points, "vein"), named.near(mesh.points, [300]))
+
+
 def test_fibres_are_told_around_voxels_that_are_not_numbers() -> None:
     ball = vs.Scan(np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) < 9.0, 0.003 * np.eye(3, 4))
     mesh = ball.mesh(edge="9 mm")
@@ -338,6 +353,8 @@ ALONE: Any = np.ones((2, 2, 2, 3))
         (lambda scan: scan.at([1.0, 2.0]), r"the places must be finite numbers \(k, 3\) \[m\], got \[1.0, 2.0\]"),
         (lambda scan: scan.at("x"), r"the places must be finite numbers"),
         (lambda scan: scan.at([[np.nan, 0, 0]]), r"the places must be finite numbers"),
+        (lambda scan: scan.touching(3, 1), "the mesh must be a Mesh"),
+        (lambda scan: scan.near([[0, 0, 0]], "--7"), "the image has no label '--7'"),
         (lambda scan: scan.near([[0, 0, 0]], [7], reach=5), "reach, in voxels, must be a number from 0 to 1, got 5"),
         (lambda scan: scan.write(None), "the file to write must be named by a text or a path, got None"),
         (lambda _: vs.Scan.of(NO_MESH, voxel=0.003), r"the mesh must be a Mesh, such as vs.read.*, got 'a.vtu'"),
