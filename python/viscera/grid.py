@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from viscera import _core
 from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError
-from viscera.imagefile import nifti_affine
+from viscera.imagefile import nifti_affine, unit_of
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number, path_of, refused
 from viscera.scan import Scan
@@ -317,6 +317,13 @@ def read(path: str | os.PathLike[str]) -> Any:
         image.SetSpacing((spacing / MM).tolist())
         image.SetOrigin((sign * affine[:, 3] / MM).tolist())
         image.SetDirection((sign[:, None] * matrix / spacing).ravel().tolist())
+        return image
+    try:
+        scale = unit_of(Path(name)) / MM
+    except VisceraError as error:
+        raise VisceraError(f"{name}: {error}") from None
+    image.SetSpacing((scale * np.array(image.GetSpacing())).tolist())
+    image.SetOrigin((scale * np.array(image.GetOrigin())).tolist())
     return image
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from viscera import nrrdspace
 from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
@@ -16,7 +17,7 @@ FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
 WRITTEN = (".nii", ".nii.gz", ".nrrd", ".mha")
 """The formats of one file each: a header without its data would be worth nothing."""
 MM = 1e-3
-"""Files are in millimetres [m]."""
+"""Files are in millimetres [m], unless they say otherwise."""
 
 
 def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
@@ -43,7 +44,12 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
     if n != 3:
         return values, np.eye(3, 4), "LPS"
     direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
-    return values, MM * np.column_stack([direction, image.GetOrigin()]), "LPS"
+    return values, unit_of(path) * np.column_stack([direction, image.GetOrigin()]), "LPS"
+
+
+def unit_of(path: Path) -> float:
+    """Metres per unit of the positions that SimpleITK reads from a file; raises `VisceraError` as `nrrdspace` does."""
+    return nrrdspace.metres_per_unit(path) if ending_of(path) in (".nrrd", ".nhdr") else MM
 
 
 def nifti_affine(path: Path) -> Floats:

@@ -13,6 +13,7 @@ import pytest
 
 import viscera as vs
 from viscera import cli
+from viscera.grid import Grid
 
 AFFINE = np.array([[0.0, -2e-3, 0.0, 0.08], [1.5e-3, 0.0, 0.0, -0.12], [0.0, 0.0, 3e-3, 0.9]])
 SHAPE = (40, 30, 20)
@@ -130,6 +131,59 @@ def test_images_that_are_no_label_map_are_refused(labelled: vs.Scan, tmp_path: P
         vs.Scan(labelled.values, np.zeros((3, 4)))
     with pytest.raises(vs.VisceraError, match="axes 'LAS' is unknown"):
         vs.Scan(labelled.values, AFFINE, "LAS")
+
+
+def nrrd(path: Path, *, size: float = 3.0, space: str = "left-posterior-superior", more: str = "") -> Path:
+    """A label map of one voxel, 1 at the index (1, 2, 3), with its first voxel 10 units from the origin."""
+    values = np.zeros((4, 5, 6), dtype=np.uint8)
+    values[1, 2, 3] = 1
+    said = f"space: {space}\n" if space else "space dimension: 3\n"
+    directions = f"({size},0,0) (0,{size},0) (0,0,{size})"
+    head = f"NRRD0005\n# units\ntype: uint8\ndimension: 3\n{said}sizes: 4 5 6\nspace directions: {directions}\n"
+    head += f"kinds: domain domain domain\nspace origin: ({10 * size / 3},0,0)\nencoding: raw\nmine:=cm\n{more}\n"
+    path.write_bytes(head.encode() + values.tobytes(order="F"))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"), [("mm", 3.0), ("cm", 0.3), ("m", 0.003), ("um", 3000.0), ("", 3.0), ("???", 3.0)]
+)
+def test_the_unit_that_a_nrrd_file_states_is_its_unit(tmp_path: Path, unit: str, size: float) -> None:
+    pytest.importorskip("SimpleITK")
+    path = nrrd(tmp_path / "labels.nrrd", size=size, more=f'space units: "{unit}" "{unit}" "{unit}"\n')
+    exact = [[3e-3, 0.0, 0.0, 10e-3], [0.0, 3e-3, 0.0, 0.0], [0.0, 0.0, 3e-3, 0.0]]
+    assert np.allclose(vs.scan(path).affine, exact, atol=1e-9)  # rounding of products
+    places = Grid.of(path, "LPS")
+    assert np.allclose(np.column_stack([places.matrix, places.origin]), exact, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"more": 'space units: "furlong" "furlong" "furlong"\n'},
+            '"furlong" "furlong" "furlong"`; write one of m, cm',
+        ),
+        ({"more": 'space units: "mm" "mm" "cm"\n'}, "the same for each axis"),
+        ({"space": "3D-right-handed"}, "the space '3D-right-handed', which is not that of a patient"),
+        ({"space": "scanner-xyz"}, "write `space: left-posterior-superior` there if x points left"),
+        ({"space": ""}, "its header states no space"),
+    ],
+)
+def test_a_nrrd_file_in_no_unit_or_no_patient_is_refused(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    pytest.importorskip("SimpleITK")
+    path = nrrd(tmp_path / "labels.nrrd", **change)
+    for read in (vs.scan, Grid.of):
+        with pytest.raises(vs.VisceraError) as refused:
+            read(path)
+        assert words in str(refused.value)
+        assert str(refused.value).startswith(str(path))
+
+
+def test_a_nrrd_file_in_ras_is_turned(tmp_path: Path) -> None:
+    pytest.importorskip("SimpleITK")
+    found = vs.scan(nrrd(tmp_path / "labels.nrrd", space="RAS"))
+    assert np.allclose(found.in_axes("RAS").affine[:, 3], [10e-3, 0.0, 0.0], atol=1e-9)
 
 
 def test_a_mesh_keeps_the_axes_of_its_scan(labelled: vs.Scan, tmp_path: Path) -> None:
