@@ -43,8 +43,8 @@ class Bond:
     softer side, where h is the height of the cell behind. The integral over the common pieces of the triangles of both
     sides is exact (Puso and Laursen 2004), so a uniform stress passes the interface without error.
 
-    first, second: the name of an organ of the scene, or a pair (name, place of its surface). Triangles that face each
-        other and are at most `reach` apart hold together.
+    first, second: the name of an organ of the scene, words such as "liver/x < 30%", or a pair (name, place of its
+        surface). Triangles that face each other and are at most `reach` apart hold together.
     sliding: whether the surfaces may slide along each other. They do not separate, and slides are small: the samples
         and the normal are those at rest.
     stiffness: see above. reach [m], or in words such as "1 mm" or "1%" of the diagonal of the smaller organ.
@@ -123,10 +123,12 @@ class Bond:
 def side_of(side: Any, of: str) -> tuple[str, Where | None]:
     """Name and place of a side of a bond or of a contact pair; the place is None for the whole surface."""
     if isinstance(side, str):
-        return side, None
+        name, _, where = side.partition("/")
+        return name, where or None
     if isinstance(side, tuple) and len(side) == 2 and isinstance(side[0], str):
         return side
-    raise refused(f"a side of {of}", "the name of an organ, or a pair of a name and a place", side)
+    what = "the name of an organ, words such as 'liver/x < 30%', or a pair of a name and a place"
+    raise refused(f"a side of {of}", what, side)
 
 
 def _layer(mesh: Mesh, faces: Indices, modulus: Floats) -> Floats:

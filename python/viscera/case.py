@@ -61,6 +61,7 @@ from viscera.checkpoint import Checkpoint
 from viscera.elastic_support import ElasticSupport
 from viscera.errors import VisceraError, did_you_mean
 from viscera.fibres import helical_fibres
+from viscera.members import words_of
 from viscera.mesh import Indices, Mesh, read
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
@@ -162,10 +163,11 @@ class Case(Solvable):
 
     def _organ(self, plain: Mesh, others: Iterable[str] = ()) -> Organ:
         """The organ on its mesh, whose sets are also the places that others than the case name."""
-        places = [self.fixed, *self.supports, *others]
+        places: list[Any] = [*self.supports, *others]
         for kind in PLACED:
             places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
-        places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
+        for place in (self.fixed, self.reduction.get("touchable")):
+            places += words_of(place) or [place]
         named_mesh = plain.with_sets(**{place: place for place in places if isinstance(place, str)})
         supports = [ElasticSupport(place, **words) for place, words in self.supports.items()]
         held: dict[str, Any] = {"fixed": self.fixed, "supports": supports}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from viscera.errors import VisceraError, did_you_mean
+from viscera.members import words_of
 from viscera.meshfile import METRES
 from viscera.quantity import Check, Choice, Number, Whole, brief, refused
 from viscera.select import FREE, METRIC, length, point
@@ -51,11 +52,18 @@ class Place:
         is_list = isinstance(value, list) and value != []
         if not (is_list or (isinstance(value, str) and value)):
             raise refused(what, self, value)
+        if words_of(value, self.noun) is not None:
+            if not all(value):
+                raise refused(what, self, value)
+            return
         for index in value if is_list else []:
             Whole(0, 2**32 - 1)(index, f"a {self.noun} of {what}")
 
     def __str__(self) -> str:
-        return f'a {self.noun} set\'s name, conditions such as "x < 10%", or a list of {self.noun} indices'
+        return (
+            f'a {self.noun} set\'s name, conditions such as "x < 10%", a list of such words for all these places '
+            f"together, or a list of {self.noun} indices"
+        )
 
 
 class Length:

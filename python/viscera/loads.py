@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
+from viscera.members import words_of
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.mesh import Where as Nodes
 from viscera.quantity import LARGEST, Number, Vector, numbers_of, refused, vector
@@ -21,7 +22,7 @@ from viscera.select import AXES, FREE, offset
 log = logging.getLogger("viscera")
 
 Where: TypeAlias = Nodes | _core.Patch
-"""A place: the name of a node set, conditions, a predicate on points, node indices, or a contact patch."""
+"""A place: the name of a node set, conditions, a list of both, a predicate on points, indices, or a contact patch."""
 
 Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]] | Sequence[tuple[Any, Any]]
 Forces: TypeAlias = Mapping[Any, ArrayLike] | Sequence[tuple[Any, ArrayLike]] | ArrayLike
@@ -62,13 +63,20 @@ def by_place(given: Any, what: str) -> dict[Any, Any]:
         raise refused(what, "{where: value}, or pairs [(where, value)]", given)
     found: dict[Any, Any] = {}
     for where, value in pairs:
-        key = tuple(np.asarray(where).ravel().tolist()) if isinstance(where, np.ndarray | list | range) else where
+        key = _key_of(where)
         if not isinstance(key, Hashable):
             raise refused(f"a place of {what}", "a set's name, a condition, indices, a predicate or a patch", where)
         if key in found:
             raise VisceraError(f"{what} names {name_of(where)} twice")
         found[key] = value
     return found
+
+
+def _key_of(where: Any) -> Any:
+    """A place as the key of a table: lists as tuples."""
+    if (words := words_of(where)) is not None:
+        return tuple(words)
+    return tuple(np.asarray(where).ravel().tolist()) if isinstance(where, np.ndarray | list | range) else where
 
 
 def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements | None) -> Prescribed:
@@ -209,6 +217,8 @@ def name_of(where: Where) -> str:
         return repr(where)
     if isinstance(where, _core.Patch):
         return "a contact patch"
+    if (words := words_of(where)) is not None:
+        return " and ".join(map(repr, words))
     return "a predicate" if callable(where) else f"a set of {np.size(where)} nodes"
 
 

@@ -1,14 +1,15 @@
-"""The nodes or cells of a mesh that a name, a condition, indices or a predicate select."""
+"""The nodes or cells of a mesh that a name, a condition, indices, a predicate or a list of words select."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera.errors import VisceraError, did_you_mean
+from viscera.quantity import brief
 from viscera.select import conditional, extent, indices, is_condition
 
 if TYPE_CHECKING:
@@ -41,6 +42,51 @@ def members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floa
             raise VisceraError(f"the predicate selects no {noun}; the {of} lie between {low} and {high} m")
         return found.astype(np.uint32)
     return indices_of(where, len(places), f"the {noun} set", noun)
+
+
+def words_of(where: Any, noun: str = "node") -> list[str] | None:
+    """The names and conditions of a list of them, which mean all their places together; None for anything else.
+
+    Raises `VisceraError` for a list of words and indices.
+
+    >>> words_of(["clamp", "x > 99%"]), words_of([3, 14]), words_of("clamp")
+    (['clamp', 'x > 99%'], None, None)
+    """
+    if isinstance(where, np.ndarray) and where.dtype.kind in "OU" and where.ndim == 1:
+        where = where.tolist()
+    if not isinstance(where, list | tuple) or not any(isinstance(each, str) for each in where):
+        return None
+    if wrong := [each for each in where if not isinstance(each, str)]:
+        raise VisceraError(
+            f"a list of places has names and conditions, or {noun} indices, not both: {brief(list(where))} has "
+            f"{brief(wrong[0])}; write indices among words as words, such as '3, 14'"
+        )
+    return list(where)
+
+
+def part_of_set(where: Where, sets: Mapping[str, Indices]) -> tuple[str, str] | None:
+    """Set and words of "liver/x > 90%", what the words select within the set; None for anything else.
+
+    The set may be an organ of a scene. Percentages are of its own bounding box, indices count its members.
+
+    >>> part_of_set("liver/x > 90%", {"liver": np.array([0, 1])}), part_of_set("x > 90%", {})
+    (('liver', 'x > 90%'), None)
+    """
+    if not isinstance(where, str) or where in sets:
+        return None
+    name, _, words = where.rpartition("/")
+    is_part = name in sets and (is_condition(words) or indices(words) is not None)
+    return (name, words.strip()) if is_part else None
+
+
+def sets_within(name: str, sets: Mapping[str, Indices], inside: Indices) -> dict[str, Indices]:
+    """The sets "liver/hilum" of a set "liver" by their own names, counted among its members `inside`, ascending."""
+    own = f"{name}/"
+    return {
+        word.removeprefix(own): np.flatnonzero(np.isin(inside, chosen)).astype(np.uint32)
+        for word, chosen in sets.items()
+        if word.startswith(own)
+    }
 
 
 def listed_in(where: Where, sets: Mapping[str, Indices]) -> Where:

@@ -19,7 +19,7 @@ from viscera import _core, meshfile
 from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.inspection import arrays, doubts, faults, implausible_size, listed
-from viscera.members import indices_of, listed_in, members
+from viscera.members import indices_of, listed_in, members, part_of_set, sets_within, words_of
 from viscera.meshfile import RawMesh
 from viscera.quantity import Number, hides_boolean, path_of, refused
 from viscera.select import Lengths, length
@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.uint32]
 Where = str | ArrayLike | Callable[[Floats], ArrayLike]
 """A set's name, conditions such as "x < 10%" or "within 8 mm of (100, 50, 80) mm", indices, or a predicate on places
-(k, 3) -> bool (k,): see `viscera.select`."""
+(k, 3) -> bool (k,): see `viscera.select`. A list of names and conditions is all their places together."""
 
 log = logging.getLogger("viscera")
 
@@ -112,7 +112,7 @@ class Mesh(Pictured):
     @property
     def bounding_box(self) -> Floats:
         """Lowest and highest coordinates (2, 3) [m]."""
-        return np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+        return _box_of(self.points)
 
     @property
     def diagonal(self) -> float:
@@ -123,8 +123,9 @@ class Mesh(Pictured):
     def nodes(self, where: Where) -> Indices:
         """The nodes of a place, ascending.
 
-        where: a set's name; conditions, as `viscera.select` reads them; node indices; or a predicate on points
-            (n, 3) -> bool (n,).
+        where: a set's name; conditions, as `viscera.select` reads them; node indices; a predicate on points
+            (n, 3) -> bool (n,); or a list of names and conditions, which is all their places together. "tip/x > 50%" is
+            the part of a set, with percentages of its own bounding box.
         Raises `VisceraError` for an unknown name (with the most similar known one), an index that is no node of the
         mesh, and a set without nodes. In a quadratic mesh, corners given by index or by a condition also select the
         midpoint of every edge whose ends are both among them.
@@ -134,7 +135,13 @@ class Mesh(Pictured):
         10
         >>> len(vs.organs.beam().nodes("clamp and within 6 cm of (0%, 50%, 50%)"))
         5
+        >>> len(vs.organs.beam().nodes(["clamp", "x > 99%"]))
+        50
         """
+        if (words := words_of(where)) is not None:
+            return _united([self.nodes(each) for each in words])
+        if part := part_of_set(where, self.sets):
+            return self._nodes_within(*part)
         where = listed_in(where, self.sets)
         places = self.points[: self.n_corners] if isinstance(where, str) else self.points
         found = members(where, self.sets, places, self.bounding_box, "node")
@@ -151,8 +158,29 @@ class Mesh(Pictured):
         >>> len(vs.organs.beam().cells_in("x < 50%"))
         960
         """
+        if (words := words_of(where, "cell")) is not None:
+            return _united([self.cells_in(each) for each in words])
+        if part := part_of_set(where, self.cell_sets):
+            return self._cells_within(*part)
         where = listed_in(where, self.cell_sets)
         return members(where, self.cell_sets, self.centroids, self.bounding_box, "cell")
+
+    def _nodes_within(self, name: str, words: str) -> Indices:
+        """The nodes of a set that words select, as if the set were a mesh of its own."""
+        inside = self.sets[name]
+        corners = inside[inside < self.n_corners]
+        own = sets_within(name, self.sets, corners)
+        chosen = listed_in(words, own)
+        places = self.points[corners if isinstance(chosen, str) else inside]
+        found = inside[members(chosen, own, places, _box_of(self.points[inside]), "node")]
+        return _with_midpoints(found, self.edges, self.n_corners) if found[-1] < self.n_corners else found
+
+    def _cells_within(self, name: str, words: str) -> Indices:
+        """The cells of a set that words select, as if the set were a mesh of its own."""
+        inside = self.cell_sets[name]
+        own = sets_within(name, self.cell_sets, inside)
+        box = _box_of(self.points[self.cells[inside].ravel()])
+        return np.asarray(inside[members(listed_in(words, own), own, self.centroids[inside], box, "cell")])
 
     def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
         """One value per cell (m,) for a law's parameter: `value`, except in the places of `{where: value}`.
@@ -385,6 +413,16 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
     message = f"dropped {np.count_nonzero(~is_used)} of {len(is_used)} points that belong to no cell"
     log.warning(message)  # in a format without an end mark, all that shows of a file cut short
     return RawMesh(raw.points[is_used], number[raw.cells], sets, raw.cell_sets, (*raw.messages, message), raw.axes)
+
+
+def _box_of(points: Floats) -> Floats:
+    """Lowest and highest coordinates (2, 3) of points (k, 3)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _united(places: list[Indices]) -> Indices:
+    """What is in one of the places or in several, ascending."""
+    return np.unique(np.concatenate(places)).astype(np.uint32)
 
 
 def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:

@@ -233,9 +233,8 @@ def any_case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case | Scene
 
 
 def _sides(row: Row) -> list[Any]:
-    """The sides of a bond or a contact pair, as these take them."""
-    split = [row[end].partition("/") for end in ("first", "second") if end in row]
-    return [(name, where) if where else name for name, _, where in split]
+    """The sides of a bond or a contact pair."""
+    return [row[end] for end in ("first", "second") if end in row]
 
 
 def _ends(row: Row) -> dict[str, Any]:

@@ -61,6 +61,15 @@ def test_a_case_gives_what_the_api_gives(bar: vs.Mesh, folder: Path) -> None:
     assert reactions["x >= 100%"] == pytest.approx(by_hand.reaction("tip"), rel=1e-6, abs=1e-8)
 
 
+def test_a_list_of_words_fixes_all_its_places(folder: Path) -> None:
+    path = case_with(folder, 'fixed = "x <= 0%"', 'fixed = ["root", "x > 99%"]')
+    case = vs.case(path)
+    organ = case.organ()
+    assert organ.fixed.tolist() == organ.mesh.nodes(["root", "x > 99%"]).tolist()
+    with pytest.raises(vs.VisceraError, match=r"\['root', 3\] has 3; write indices among words as words"):
+        vs.case(case_with(folder, 'fixed = "x <= 0%"', 'fixed = ["root", 3]'))
+
+
 def test_a_built_in_organ_needs_no_file(tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     path.write_text('mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n')

@@ -282,3 +282,21 @@ def test_solve_writes_every_organ_and_says_what_is_between_them(
     assert facts["springs"][0]["point"] == [0.4, 0.05, 0.4]
     for line in ("largest displacement of 'upper'", "contact of 'lower/z > 99%' and 'upper'", "the body HalfSpace"):
         assert line in said
+
+
+def test_words_mean_the_same_place_of_an_organ_in_python_as_in_a_file() -> None:
+    """Percentages are of the organ's own bounding box, also where the place begins with one of its sets."""
+    beam = vs.organs.beam()
+    above = vs.mesh(beam.points * [0.5, 1.0, 1.0] + [0.3, 0.0, 0.2], beam.cells, beam.sets)
+    law = vs.NeoHookean(young=1e5, poisson=0.3)
+    organs = {"lower": vs.Organ(beam, law, fixed="clamp"), "upper": vs.Organ(above, law, fixed="clamp")}
+    scene = vs.Scene(organs)
+    for words in ("x > 98%", "top and x > 50%", "0, 3"):
+        place = np.sort(scene.place("upper", words))
+        np.testing.assert_array_equal(scene.mesh.nodes(f"upper/{words}"), place)
+    by_words, by_nodes = ({where: (0, 0, -2.0)} for where in ("upper/x > 98%", scene.place("upper", "x > 98%")))
+    np.testing.assert_array_equal(scene.solve(force=by_words).displacement, scene.solve(force=by_nodes).displacement)
+
+
+def test_a_bond_takes_the_words_of_a_file() -> None:
+    assert vs.Bond("liver/x < 30%", "gallbladder").sides == (("liver", "x < 30%"), ("gallbladder", None))

@@ -163,7 +163,8 @@ def text(value: Any) -> bool:
 
 
 def place(value: Any) -> bool:
-    return text(value) or (isinstance(value, list) and value != [] and all(map(whole, value)))
+    is_list = isinstance(value, list) and value != []
+    return text(value) or (is_list and (all(map(whole, value)) or all(map(text, value))))
 
 
 def length(value: Any) -> bool:

@@ -123,3 +123,42 @@ def test_the_nearest_touchable_point(bar: vs.Mesh) -> None:
     assert touch.locate((0.38, 0.05, 0.3)) == pytest.approx([0.38, 0.05, 0.1])
     assert touch.locate((0.0, -1.0, 0.0)) == pytest.approx([0.3, 0.0, 0.1])
     assert touch(touch.locate((9, 9, 9)), (0, 0, -0.001)).force[2] < 0
+
+
+def test_a_list_of_words_is_all_their_places_together(bar: vs.Mesh) -> None:
+    both = np.union1d(bar.nodes("root"), bar.nodes("x > 90%")).tolist()
+    for where in (["root", "x > 90%"], ("root", "x > 90%"), np.array(["root", "x > 90%"])):
+        assert bar.nodes(where).tolist() == both
+    assert len(bar.cells_in(["x < 25%", "x > 75%"])) == len(bar.cells_in("x < 25%")) + len(bar.cells_in("x > 75%"))
+    quadratic = bar.quadratic()
+    assert len(quadratic.nodes(["root", "root"])) == len(quadratic.nodes("root"))
+
+
+def test_a_list_of_words_holds_and_loads_an_organ(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e4, poisson=0.3), fixed=["root", "x > 99%"])
+    assert organ.fixed.tolist() == bar.nodes(["root", "x > 99%"]).tolist()
+    places = ["45% < x < 55% and z > 99%", "45% < x < 55% and y > 99%"]
+    listed, known = (organ.solve(force=[(where, (0, 0, -0.1))]) for where in (places, bar.nodes(places)))
+    np.testing.assert_array_equal(listed.displacement, known.displacement)
+    with pytest.raises(vs.VisceraError, match=r"'root' and 'x > 99%' are fixed"):
+        organ.solve(force={("root", "x > 99%"): (0, 0, -0.1)})
+
+
+def test_a_list_of_words_and_indices_is_refused_with_what_is_wrong(bar: vs.Mesh) -> None:
+    mixed: Any = ["root", 3]
+    with pytest.raises(vs.VisceraError, match=r"\['root', 3\] has 3; write indices among words as words"):
+        bar.nodes(mixed)
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e4, poisson=0.3), fixed="root")
+    with pytest.raises(vs.VisceraError, match=r"\['x > 90%', 3\] has 3"):
+        organ.solve(force=[(["x > 90%", 3], (0, 0, -0.1))])
+
+
+@pytest.mark.parametrize("is_quadratic", [False, True])
+def test_the_part_of_a_set_counts_percentages_within_the_set(bar: vs.Mesh, is_quadratic: bool) -> None:
+    half = bar.with_sets(half="x < 50%").with_cell_sets(half="x < 50%")
+    mesh = half.quadratic() if is_quadratic else half
+    assert mesh.nodes("half/x > 99%").tolist() == mesh.nodes("half and x > 37%").tolist()
+    assert mesh.nodes("half/0, 2").tolist() == mesh.sets["half"][[0, 2]].tolist()
+    assert mesh.cells_in("half/x < 50%").tolist() == mesh.cells_in("x < 25%").tolist()
+    with pytest.raises(vs.VisceraError, match="has no node set 'half/tip'"):
+        mesh.nodes("half/tip")
