@@ -15,6 +15,9 @@ from viscera.quantity import numbers_of, refused
 ROUNDING = 1e-6
 """Of labels that a file keeps as multiples of a number such as 1/3, in single precision."""
 
+AGREE = 0.5
+"""Share of equal neighbours from which an image is taken for a label map. In organs of voxels it is nearly 1."""
+
 
 def affine_of(given: Any) -> Floats:
     """An invertible map (3, 4) from the indices of voxels to their places."""
@@ -44,13 +47,34 @@ def labels_of(given: Any) -> NDArray[np.uint16]:
         raise VisceraError(f"a label map holds whole numbers, not {values.dtype}")
     if values.dtype.kind == "f":
         whole = np.rint(values)
-        wrong = values[~(np.abs(values - whole) <= ROUNDING * np.maximum(whole, 1.0))]
+        with np.errstate(invalid="ignore"):  # inf - inf, which is no label either
+            wrong = values[~(np.abs(values - whole) <= ROUNDING * np.maximum(whole, 1.0))]
         if wrong.size:
             raise VisceraError(f"it holds {wrong.flat[0]:.9g}, which is no label; give a segmentation, not the scan")
         values = whole
     if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 65535):
         raise VisceraError(f"its values go from {values.min()} to {values.max()}; labels are 0 to 65535")
     return np.ascontiguousarray(values.astype(np.uint16))
+
+
+def is_label_map(voxels: NDArray[Any]) -> bool:
+    """Whether the values (i, j, k) of an image are taken for labels.
+
+    They are labels (`labels_of`), and at least half of the neighbours that are both above the smallest value are
+    equal. Few are in a scan, whose noise changes from voxel to voxel; only what is cut off below is even there.
+    """
+    try:
+        values = labels_of(voxels)
+    except VisceraError:
+        return False
+    lowest, both, equal = values.min(), 0, 0
+    for axis in range(3):
+        lines = np.moveaxis(values, axis, 0)
+        first, second = lines[:-1], lines[1:]
+        counts = (first > lowest) & (second > lowest)
+        both += int(np.count_nonzero(counts))
+        equal += int(np.count_nonzero(counts & (first == second)))
+    return equal >= AGREE * both
 
 
 def several(numbers: Any, what: str) -> list[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -191,6 +192,58 @@ def test_warp_from_the_command_line(files: Path, capsys: pytest.CaptureFixture[s
     assert (moved != before).sum() > 100
     field = sitk.ReadImage(str(files / "field.nii.gz"))
     assert field.GetNumberOfComponentsPerPixel() == 3
+
+
+def blocks() -> Any:
+    """A label map in which each block of 4 x 4 x 4 voxels has a label of its own."""
+    image = scan(spacing=(5.0, 5.0, 5.0))
+    return filled(image, np.tensordot([256, 16, 1], np.indices(image.GetSize()) // 4, axes=1) + 1)
+
+
+def filled(image: Any, values: NDArray[Any]) -> Any:
+    """The image with other values (i, j, k), in their type."""
+    made = sitk.GetImageFromArray(np.ascontiguousarray(values.transpose(2, 1, 0)))
+    made.CopyInformation(image)
+    return made
+
+
+def noise(image: Any, low: int, high: int, kind: type) -> Any:
+    """A scan of noise around two tissues, cut off at its range; around them is nothing."""
+    rng = np.random.default_rng(0)
+    tissue = np.where(voxels_of(image) > 0, high, (low + high) / 2)
+    values = np.rint(tissue + rng.normal(scale=0.1 * (high - low), size=tissue.shape)).clip(low, high)
+    values[:20] = low
+    return filled(image, values.astype(kind))
+
+
+@pytest.mark.parametrize(
+    ("make", "interpolation"),
+    [
+        (lambda: sitk.Cast(labels_of(in_cube, scan(spacing=(5.0, 5.0, 5.0))), sitk.sitkFloat32), "nearest"),
+        (lambda: sitk.Cast(blocks(), sitk.sitkInt16), "nearest"),
+        (lambda: noise(labels_of(in_cube, scan(spacing=(5.0, 5.0, 5.0))), 0, 60, np.uint8), "linear"),
+        (lambda: noise(labels_of(in_cube, scan(spacing=(5.0, 5.0, 5.0))), 0, 4000, np.uint16), "linear"),
+        (lambda: noise(labels_of(in_cube, scan(spacing=(5.0, 5.0, 5.0))), -1000, 400, np.int16), "linear"),
+        (lambda: 0.5 * sitk.Cast(labels_of(in_cube, scan(spacing=(5.0, 5.0, 5.0))), sitk.sitkFloat32), "linear"),
+    ],
+    ids=["labels as floats", "many labels", "scan of few values", "scan from 0", "scan", "halves"],
+)
+def test_label_maps_take_the_nearest_voxel_however_they_are_stored(
+    files: Path, capsys: pytest.CaptureFixture[str], make: Callable[[], Any], interpolation: str
+) -> None:
+    sitk.WriteImage(make(), str(files / "image.nrrd"))
+    line = ["warp", str(files / "image.nrrd"), "--with", str(files / "state.vtu"), "-o", str(files / "moved.nrrd")]
+    other = {"nearest": "linear", "linear": "nearest"}[interpolation]
+    assert main(line) == 0
+    printed = capsys.readouterr().out
+    assert f"{interpolation} interpolation: it holds" in printed
+    assert f"say --interpolation {other}" in printed
+    before, moved = (voxels_of(sitk.ReadImage(str(files / name))) for name in ("image.nrrd", "moved.nrrd"))
+    if interpolation == "nearest":
+        assert set(np.unique(moved)) <= set(np.unique(before))
+    assert main([*line, "--interpolation", other]) == 0
+    assert f"{other} interpolation\n" in capsys.readouterr().out
+    assert (voxels_of(sitk.ReadImage(str(files / "moved.nrrd"))) != moved).any()
 
 
 @pytest.mark.parametrize(

@@ -133,6 +133,13 @@ def test_images_that_are_no_label_map_are_refused(labelled: vs.Scan, tmp_path: P
         vs.Scan(labelled.values, AFFINE, "LAS")
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+def test_what_is_no_number_is_no_label(value: float) -> None:
+    with pytest.raises(vs.VisceraError, match=f"it holds {value}, which is no label"):
+        vs.Scan(np.where(np.indices((4, 4, 4))[0] > 2, value, 1.0), AFFINE)
+
+
 def nrrd(path: Path, *, size: float = 3.0, space: str = "left-posterior-superior", more: str = "") -> Path:
     """A label map of one voxel, 1 at the index (1, 2, 3), with its first voxel 10 units from the origin."""
     values = np.zeros((4, 5, 6), dtype=np.uint8)

@@ -9,14 +9,10 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-import numpy as np
-
 from viscera import grid, statefile
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
-
-MOST_LABELS = 256
-"""Different values of an image up to which it is taken for a label map."""
+from viscera.labelmap import is_label_map
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--interpolation", choices=grid.INTERPOLATIONS,
-        help="default: nearest for a label map (whole numbers from 0, at most 256 different ones), otherwise linear",
+        help="default: nearest for a label map (whole numbers from 0, in the main the same in neighbouring voxels), "
+        "otherwise linear",
     )  # fmt: skip
     parser.add_argument(
         "--background", type=float, help="value for voxels that the organ has left (default: the smallest value)"
@@ -64,10 +61,10 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         output.say(f"  note          {args.state} does not state its axes; taken as {places.axes}, see --axes")
     output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
     if args.output is not None:
-        interpolation = args.interpolation or ("nearest" if _is_label_map(image) else "linear")
+        interpolation, why = (args.interpolation, "") if args.interpolation else _fitting(image)
         warped = grid.warp(image, forward, inverse, interpolation=interpolation, background=args.background)
         grid.write(args.output, warped)
-        output.say(f"written to {args.output}, {interpolation} interpolation")
+        output.say(f"written to {args.output}, {interpolation} interpolation{why}")
         facts |= {"interpolation": interpolation}
     for path, field in ((args.field, inverse), (args.forward_field, forward)):
         if path is not None:
@@ -76,8 +73,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     return Outcome("written", facts=facts)
 
 
-def _is_label_map(image: object) -> bool:
-    voxels = grid.sitk().GetArrayViewFromImage(image)
-    if not np.issubdtype(voxels.dtype, np.integer) or voxels.min() < 0:
-        return False
-    return len(np.unique(voxels)) <= MOST_LABELS
+def _fitting(image: Any) -> tuple[str, str]:
+    """The interpolation that fits the values of an image, and why, with how to choose the other."""
+    if is_label_map(grid.sitk().GetArrayViewFromImage(image)):
+        return "nearest", ": it holds labels; otherwise say --interpolation linear"
+    return "linear", ": it holds no labels; otherwise say --interpolation nearest"
