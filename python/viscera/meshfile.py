@@ -171,10 +171,11 @@ def lacking(path: Path, sets: Mapping[str, Any], cell_sets: Mapping[str, Any], a
     return lacks
 
 
-def state_axes(path: Path, axes: str) -> None:
-    """Puts the world axes into a comment, which every reader ignores; not every reader ignores a text in field data."""
+def state_axes(path: Path, axes: str, more: str = "") -> None:
+    """Puts the world axes, and what more there is to say of them, into a comment, which every reader ignores; not
+    every reader ignores a text in field data."""
     head, tag, rest = path.read_bytes().partition(b"<UnstructuredGrid>")
-    path.write_bytes(head + f"<!-- axes: {axes}, metres -->\n".encode() + tag + rest)
+    path.write_bytes(head + f"<!-- axes: {axes}, metres{more} -->\n".encode() + tag + rest)
 
 
 def stated_axes(path: Path) -> str:

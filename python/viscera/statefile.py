@@ -24,6 +24,9 @@ from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.meshfile import state_axes, stated_axes
 from viscera.quantity import path_of
 
+REGISTERED = "band"
+"""The field at points that registered organs alone have. Their displacement leads from the axes of the scan, in which
+the points are, to those of the intervention."""
 VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")
 SURFACES = {
     ".ply": "the deformed surface, its fields as properties of the vertices",
@@ -78,10 +81,11 @@ def write(
             _write_surface(scratch, ending, (mesh.points + displacement)[nodes], triangles, shown)
 
 
-def read(path: str | os.PathLike[str]) -> tuple[Mesh, Floats]:
+def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, Floats]:
     """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` if it holds none.
 
     The mesh has the world axes of its scan if the file states them, which `.vtu` does.
+    in_scan: the moved points are to be in the axes of the scan too, so a registered organ is refused.
     """
     name = str(path_of(path, "the solution"))
     if Path(name).suffix.lower() not in VOLUMES:
@@ -97,6 +101,11 @@ def read(path: str | os.PathLike[str]) -> tuple[Mesh, Floats]:
     field = grid.point_data.get("displacement")
     if field is None or field.shape != grid.points.shape or not np.isfinite(field).all():
         raise VisceraError(f"{name}: holds no displacement (n, 3) at its points; write it by `viscera solve -o`")
+    if in_scan and REGISTERED in grid.point_data:
+        raise VisceraError(
+            f"{name}: its displacement leads to the axes of the intervention, in which the scan is not; take the shape "
+            "before the rigid motion, which `viscera register --shape shape.vtu` or `found.state.write` writes"
+        )
     kind = next((kind for kind in ("tetra10", "tetra") if kind in grid.cells_dict), None)
     if kind is None:
         raise VisceraError(f"{name}: holds no tetrahedra")
@@ -125,7 +134,8 @@ def _write_volume(
     if ending == ".vtu":
         meshio.vtu.write(path, grid)
         if mesh.axes:
-            state_axes(path, mesh.axes)
+            moved = ", at rest; by the displacement to the axes of the intervention" if REGISTERED in fields else ""
+            state_axes(path, mesh.axes, moved)
     elif ending == ".vtk":
         meshio.vtk.write(path, grid, fmt_version="4.2")
     elif ending == ".msh":

@@ -265,6 +265,32 @@ def test_warp_refuses_in_a_sentence(
     assert not (files / "moved.nii").exists()
 
 
+@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".msh"])
+def test_a_registered_organ_deforms_the_scan_by_its_shape_alone(
+    cube: vs.Mesh, tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str
+) -> None:
+    """A file of where it was found leads to the axes of the intervention; that of its shape stays in the scan's."""
+    mesh = replace(vs.mesh(cube.points - 0.05, cube.cells, cube.sets), axes="RAS")
+    organ = vs.Organ(mesh, LAW, fixed="bottom")
+    found = organ.register(points=(mesh.points, 0.0 * mesh.points + [0.03, 0.0, 0.0]), noise="1 mm")
+    found.write(tmp_path / f"found{ending}")
+    found.state.write(tmp_path / f"shape{ending}")
+    sitk.WriteImage(labels_of(in_cube, scan(spacing=(5.0, 5.0, 5.0))), str(tmp_path / "labels.nii"))
+    line = ["warp", str(tmp_path / "labels.nii"), "-o", str(tmp_path / "moved.nii"), "--with"]
+    assert main([*line, str(tmp_path / f"found{ending}")]) == 2
+    told = capsys.readouterr().err
+    assert f"found{ending}: its displacement leads to the axes of the intervention" in told
+    assert "viscera register --shape shape.vtu" in told
+    assert not (tmp_path / "moved.nii").exists()
+    assert main([*line, str(tmp_path / f"shape{ending}")]) == 0
+    if ending == ".vtu":
+        assert (
+            b"<!-- axes: RAS, metres, at rest; by the displacement to the axes of the intervention -->"
+            in (tmp_path / "found.vtu").read_bytes()
+        )
+        assert vs.statefile.read(tmp_path / "found.vtu")[0].axes == "RAS"
+
+
 def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: Path) -> None:
     shape = affine(cube)
     away = scan()

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.spare([args.image, args.state], *options.items())
     for path in wanted:
         grid.checked(path)
-    mesh, displacement = statefile.read(args.state)
+    mesh, displacement = statefile.read(args.state, in_scan=True)
     image = grid.read(args.image)
     places = grid.Grid.of(image, grid.axes_of(mesh, args.axes))
     forward, inverse = (grid.on_grid(mesh, displacement, places, inverse=inverse) for inverse in (False, True))

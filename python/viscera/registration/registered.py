@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from viscera import _core
+from viscera import _core, statefile
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
@@ -167,7 +167,7 @@ class Registered(Deformed, Pictured):
         return self.organ, self.displacement
 
     def _nodal(self) -> dict[str, Floats]:
-        return {"band": self.band, "is_observed": self.is_observed.astype(float)}
+        return {statefile.REGISTERED: self.band, "is_observed": self.is_observed.astype(float)}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Draw the organ where it was found, coloured by its band. `path`: write a PNG file there.
