@@ -146,3 +146,19 @@ def test_the_verb_fails_where_a_model_does(tmp_path: Path, cube: vs.Mesh) -> Non
     assert cli.main(["compare", str(case), "-o", str(tmp_path), *options]) == 1
     failed, reference = json.loads(facts.read_text(encoding="utf-8"))["models"]
     assert (failed["difference"], reference["status"]) == (None, "converged")
+
+
+def test_the_verb_names_a_reference_that_converged(
+    tmp_path: Path, cube: vs.Mesh, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Saint Venant-Kirchhoff, the reference unless another is chosen, does not bear what the case's own law bears."""
+    cube.write(tmp_path / "cube.vtu")
+    words = CASE.replace("organ:beam", "cube.vtu").replace("clamp", "bottom")
+    words = words.replace("force.tip = [0, 0, -10]", "displacement.top = [0, 0, -0.055]")
+    case = tmp_path / "cube.toml"
+    case.write_text('units = "m"\n' + words, encoding="utf-8")
+    options = [str(case), "-o", str(tmp_path), "--models", "Linear", "NeoHookean"]
+    assert cli.main(["compare", *options]) == 1
+    assert "choose a model that did, such as --reference NeoHookean" in capsys.readouterr().out
+    assert cli.main(["compare", *options, "--reference", "NeoHookean"]) == 0
+    assert "--reference" not in capsys.readouterr().out

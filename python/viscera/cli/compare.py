@@ -13,7 +13,7 @@ from viscera import progress
 from viscera.atomic import made_folder
 from viscera.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
-from viscera.comparison import REFERENCE, compare, models
+from viscera.comparison import REFERENCE, Comparison, compare, models
 from viscera.errors import VisceraError, did_you_mean
 from viscera.filekind import CASE, require
 
@@ -56,9 +56,23 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     for name, each in result.runs.items():
         if not each.state.is_converged:
             output.say(f"{name} {each.state.status}: {each.state.message}")
+    if hint := _other_reference(result, type(organ.law).__name__):
+        output.say(hint)
     result.plot(picture)
     result.write(differences)
     output.say(f"picture: {picture}; every node and component: {differences}")
     facts = {**result.to_json(), "picture": str(picture), "differences": str(differences)}
     status, code = ("converged", DONE) if result.is_converged else ("a model did not converge", FAILED)
     return Outcome(status, code, facts)
+
+
+def _other_reference(result: Comparison, own: str) -> str:
+    """What to compare with where the reference did not converge, first of all the case's own law; empty if it did."""
+    converged = [name for name, each in result.runs.items() if each.state.is_converged]
+    if result.reference in converged or not converged:
+        return ""
+    better = own if own in converged else converged[0]
+    return (
+        f"nothing is compared with {result.reference}, which did not reach the full load; choose a model that did, "
+        f"such as --reference {better if ' ' not in better else repr(better)}"
+    )
