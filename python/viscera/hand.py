@@ -49,9 +49,10 @@ class Hand(Posed):
 
     _WHAT = "a hand"
 
-    def __init__(self, stepper: Stepper, where: _core.Patch | tuple[int, ...], weights: Floats) -> None:
+    def __init__(self, stepper: Stepper, where: _core.Patch | tuple[int, ...], weights: Floats, name: str) -> None:
         self._stepper = stepper
         self._where = where
+        self._name = name
         self._nodes: Indices = np.asarray(where.nodes if isinstance(where, _core.Patch) else where, dtype=np.uint32)
         self._weights = weights
         self._rest = stepper._organ.mesh.points[self._nodes]

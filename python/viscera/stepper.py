@@ -40,6 +40,9 @@ from viscera.support import require_held
 if TYPE_CHECKING:
     from viscera.organ import Organ
 
+TIME_STEP = Number("s", low=1e-12)
+"""Its square, by which masses are divided, leaves room for what a matrix can hold."""
+
 
 class Stepper:
     """An organ in real time, made by `Organ.stepper`. Paper B
@@ -113,12 +116,17 @@ class Stepper:
         '2.0 mm'
         """
         if isinstance(where, _core.Patch):
-            hand = Hand(self, where, where.weights)
+            hand = Hand(self, where, where.weights, name_of(where))
         else:
             nodes = np.setdiff1d(self._organ.mesh.nodes(where), self._organ.fixed)
             if len(nodes) == 0:
                 raise VisceraError(f"all nodes of {name_of(where)} are fixed: a hand cannot move them")
-            hand = Hand(self, tuple(nodes.tolist()), shares(self._organ.mesh, nodes))
+            hand = Hand(self, tuple(nodes.tolist()), shares(self._organ.mesh, nodes), name_of(where))
+        for other in self._hands:
+            if other._where == hand._where and other._pull is None:
+                raise VisceraError(
+                    f"{hand._name} is held already, by the hand at {other._name}; release that hand first"
+                )
         self._hands.append(hand)
         return hand
 
@@ -234,7 +242,7 @@ class Stepper:
             if hand._pull is not None:
                 continue
             if hand._where in targets:
-                raise VisceraError(f"{name_of(hand._where)} is held twice; let one hand go")
+                raise VisceraError(f"{hand._name} is held twice; let one hand go")
             targets[hand._where] = hand.displacement
             turned[hand._where] = hand._arms_turned() if hand._holds_turn else None
         if not self._motion.fits(targets):
@@ -385,7 +393,7 @@ def settings_of(
     if not isinstance(extrapolate, bool):
         raise refused("extrapolate", "True or False", extrapolate)
     if time_step is not None:
-        Number("s", above=0)(time_step, "time_step")
+        TIME_STEP(time_step, "time_step")
     if budget is not None:
         Number("s", above=0, high=1e300)(budget, "budget")
     Choice(("lumped", "consistent"))(mass, "the mass")

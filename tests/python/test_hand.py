@@ -271,3 +271,19 @@ def test_what_makes_no_sense_is_said(organ: vs.Organ, message: str, act: Callabl
     hand = organ.stepper().grasp("tip")
     with pytest.raises(VisceraError, match=message):
         act(organ, hand)
+
+
+def test_a_place_is_grasped_once(organ: vs.Organ) -> None:
+    stepper = organ.stepper()
+    hand = stepper.grasp("x > 99%")
+    with pytest.raises(vs.VisceraError, match="'x > 99%' is held already, by the hand at 'x > 99%'; release that hand"):
+        stepper.grasp("x > 99%")
+    hand.release()
+    pulling = stepper.grasp("x > 99%")
+    pulling.pull((0, 0, -0.01))
+    moving = stepper.grasp("x > 99%")
+    assert np.isfinite(stepper.frame().displacement).all()
+    pulling.hold()
+    with pytest.raises(vs.VisceraError, match="'x > 99%' is held twice; let one hand go"):
+        stepper.frame()
+    moving.release()

@@ -327,7 +327,8 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
     moving: dict[str, Any] = {"dynamics": "newmark", "density": 1000, "time_step": 0.01}
     settings: dict[str, Any]
     for settings, words in (
-        ({"time_step": -0.01, "dynamics": "newmark", "density": 1000}, "time_step must be a number above 0"),
+        ({"time_step": -0.01, "dynamics": "newmark", "density": 1000}, "time_step must be a number from 1e-12"),
+        ({"time_step": 1e-160, "dynamics": "newmark", "density": 1000}, "time_step must be a number from 1e-12"),
         ({"dynamics": "newmark", "time_step": 0.01}, "dynamics needs a density"),
         ({"dynamics": "newmark", "density": 1000}, "need a time_step"),
         ({"time_step": 0.01}, "has no effect without dynamics"),
