@@ -12,6 +12,7 @@ import pytest
 
 import viscera as vs
 from viscera.cli import main
+from viscera.cli.options import square_metres
 from viscera.fitting.families import family
 from viscera.fitting.homogeneous import drucker_range, incompressible_stress
 from viscera.fitting.materialtest import read_columns
@@ -386,6 +387,20 @@ def test_a_file_that_is_no_table_of_numbers_is_refused(text: str, words: str, tm
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(vs.VisceraError, match=words):
         read_columns(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("words", "area"), [("78.5 mm2", 78.5e-6), ("78.5mm^2", 78.5e-6), ("0.5 cm2", 5e-5), ("1e-4", 1e-4)]
+)
+def test_an_area_has_words(words: str, area: float) -> None:
+    assert square_metres(words) == pytest.approx(area, rel=1e-15)
+
+
+@pytest.mark.parametrize("words", ["78.5 mm", "10%", "78,5", "2 miles2"])
+def test_an_area_in_wrong_words_is_refused(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["fit", "a.csv", "--area", words])
+    assert f"--area: {'' if ',' in words else 'area '}" in capsys.readouterr().err
 
 
 def test_every_family_makes_its_law() -> None:

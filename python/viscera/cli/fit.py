@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from viscera.cli.options import metres
+from viscera.cli.options import metres, square_metres
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.curves import MODES
 from viscera.errors import VisceraError
@@ -60,7 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--length", type=metres, metavar="LENGTH", help="length of the specimen between the grips, such as '30 mm'"
     )
-    parser.add_argument("--area", type=float, metavar="M2", help="rest cross-section of the specimen [m^2]")
+    parser.add_argument(
+        "--area", type=square_metres, metavar="AREA", help="rest cross-section of the specimen, such as '78.5 mm2'"
+    )
     parser.add_argument(
         "--diameter", type=metres, metavar="LENGTH", help="diameter of a cylindrical specimen, in place of --area"
     )

@@ -10,11 +10,12 @@ from viscera import defaults
 from viscera.case import Case, read_case
 from viscera.errors import VisceraError
 from viscera.filekind import CASE, MESH, kind_of
-from viscera.meshfile import FORMATS
+from viscera.meshfile import FORMATS, METRES
 from viscera.select import length
 from viscera.touch import Touch, load
 
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*[a-z%]*\s*")
+AREA = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-z]+)\^?2")
 MATERIAL = ("law", "young", "poisson")
 MESH_ONLY = ("units", "fixed", "element", *MATERIAL)
 
@@ -29,6 +30,20 @@ def metres(text: str) -> float:
         return length(number_or_words(text), whole=0.0, name="length")
     except VisceraError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def square_metres(text: str) -> float:
+    """An area [m^2]: a number, or a number with its unit, such as "78.5 mm2" or "78.5 mm^2"."""
+    words = number_or_words(text)
+    if isinstance(words, float):
+        return words
+    match = AREA.fullmatch(words)
+    if not match or match["unit"] not in METRES:
+        units = ", ".join(f"{unit}2" for unit in METRES)
+        raise argparse.ArgumentTypeError(
+            f"area {words!r} is not an area; write square metres, or a number with its unit such as 78.5mm2 ({units})"
+        )
+    return float(match["number"]) * METRES[match["unit"]] ** 2
 
 
 def number_or_words(text: str) -> float | str:
