@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -71,8 +72,10 @@ def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, 
     highdicom = _library("highdicom")
     try:
         found = highdicom.seg.segread(path)
-        volume = found.get_volume(combine_segments=True)
         names = {n: str(found.get_segment_description(n).segment_label) for n in found.segment_numbers}
+        volume = _one_label_each(found, names)
+    except VisceraError:
+        raise
     except Exception as error:
         reason = " ".join(str(error).split())[-200:]
         raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
@@ -80,6 +83,45 @@ def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, 
     if _n_source_images(found) > len(array):
         array, affine = _with_empty_ends(array, affine)
     return array, affine, "LPS", names
+
+
+def _one_label_each(segmentation: Any, names: dict[int, str]) -> Any:
+    """The volume of labels; raises `VisceraError` if voxels have several, or a fraction of one."""
+    try:
+        return segmentation.get_volume(combine_segments=True)
+    except ValueError:
+        if str(segmentation.SegmentationType) != "FRACTIONAL":
+            raise
+        raise VisceraError(
+            "it says how much of each voxel its segments hold (a fractional segmentation), and labels are all or "
+            "nothing; save it as a binary segmentation or as a label map, such as .nii.gz"
+        ) from None
+    except RuntimeError as error:  # left before the next question: what it holds on to locks the table of frames
+        reason = str(error)
+    shared = _overlaps(segmentation)
+    if not shared:
+        raise RuntimeError(reason)
+    (first, second), count = shared.most_common(1)[0]
+    more = " (and others elsewhere)" if len(shared) > 1 else ""
+    raise VisceraError(
+        f"its segments {first} {names[first]!r} and {second} {names[second]!r} overlap in {count} voxels{more}, "
+        "and a voxel has one label; cut one out of the other, or save each in a file of its own"
+    )
+
+
+def _overlaps(segmentation: Any) -> Counter[tuple[int, int]]:
+    """Number of voxels of pairs of segments that overlap; of three in one voxel, pairs with the first."""
+    masks = segmentation.get_volume(combine_segments=False).array > 0
+    owner = np.zeros(masks.shape[:3], dtype=np.int64)
+    shared: Counter[tuple[int, int]] = Counter()
+    for place, number in enumerate(segmentation.segment_numbers):
+        mask = masks[..., place]
+        held = owner[mask & (owner > 0)]
+        shared.update(
+            {(int(n), int(number)): int(count) for n, count in zip(*np.unique(held, return_counts=True), strict=True)}
+        )
+        owner[mask & (owner == 0)] = number
+    return shared
 
 
 def _n_source_images(segmentation: Any) -> int:

@@ -59,51 +59,6 @@ def test_both_libraries_see_a_nifti_file_in_the_same_place(labelled: vs.Scan, tm
     assert image[index] == 300
 
 
-@pytest.mark.parametrize("leaves_out", [False, True])
-def test_a_dicom_segmentation_brings_names(tmp_path: Path, leaves_out: bool) -> None:
-    """Slices without labels, which a file may leave out, lie between the organ and the edge of the scan."""
-    highdicom = pytest.importorskip("highdicom")
-    from highdicom.sr.coding import CodedConcept
-    from pydicom.dataset import Dataset, FileMetaDataset
-    from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
-
-    study, series, frame = (generate_uid(entropy_srcs=[word]) for word in ("study", "series", "frame"))
-    slices = []
-    for k in range(4):
-        ct = Dataset()
-        ct.file_meta = FileMetaDataset()
-        ct.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
-        ct.SOPClassUID, ct.SOPInstanceUID = CTImageStorage, generate_uid(entropy_srcs=[f"slice {k}"])
-        ct.StudyInstanceUID, ct.SeriesInstanceUID, ct.FrameOfReferenceUID = study, series, frame
-        ct.PatientID, ct.PatientName, ct.PatientBirthDate, ct.PatientSex = "1", "A^B", "", ""
-        ct.StudyID, ct.StudyDate, ct.StudyTime, ct.AccessionNumber = "1", "20260101", "000000", ""
-        ct.ReferringPhysicianName, ct.Modality, ct.SeriesNumber, ct.InstanceNumber = "", "CT", 1, k + 1
-        ct.ImagePositionPatient, ct.ImageOrientationPatient = [10.0, 20.0, 30.0 + 3.0 * k], [1, 0, 0, 0, 1, 0]
-        ct.PixelSpacing, ct.SliceThickness, ct.Rows, ct.Columns = [2.0, 1.5], 3.0, 6, 8
-        ct.SamplesPerPixel, ct.PhotometricInterpretation = 1, "MONOCHROME2"
-        ct.BitsAllocated, ct.BitsStored, ct.HighBit, ct.PixelRepresentation = 16, 16, 15, 0
-        ct.PixelData = np.zeros((6, 8), dtype=np.uint16).tobytes()
-        slices.append(ct)
-    code = CodedConcept("10200004", "SCT", "Liver")
-    organ = CodedConcept("123037004", "SCT", "Anatomical Structure")
-    described = highdicom.seg.SegmentDescription(1, "liver", organ, code, "MANUAL")
-    voxels = np.zeros((4, 6, 8), dtype=np.uint8)
-    voxels[1:3, 2:4, 5:7] = 1
-    segmentation = highdicom.seg.Segmentation(
-        slices, voxels, "BINARY", [described], generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1",
-        content_creator_name="A^B", omit_empty_frames=leaves_out,
-    )  # fmt: skip
-    segmentation.save_as(tmp_path / "liver.dcm")
-    found = vs.scan(tmp_path / "liver.dcm")
-    assert found.names == {1: "liver"}
-    assert found.labels == {1: 8}
-    assert found.axes == "LPS"
-    first = 1e-3 * np.array([10.0 + 1.5 * 5, 20.0 + 2.0 * 2, 33.0])
-    assert found.at([first, first - [1.5e-3, 0, 0]]).tolist() == [1, 0]
-    assert (found.values[[0, -1]] == 0).all()
-    assert "cut" not in found.mesh(edge="2 mm").sets
-
-
 def test_images_that_are_no_label_map_are_refused(labelled: vs.Scan, tmp_path: Path) -> None:
     nibabel = pytest.importorskip("nibabel")
     eye = np.eye(4)

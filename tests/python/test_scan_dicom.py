@@ -1,0 +1,75 @@
+"""DICOM segmentations: names and places of their segments, and those that are no labels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+
+def segmentation(path: Path, voxels: Any, kind: str = "BINARY", *, leaves_out: bool = False) -> None:
+    """Writes segments (4, 6, 8, n), the first of which is the liver, on slices of 6 x 8 voxels."""
+    highdicom = pytest.importorskip("highdicom")
+    from highdicom.sr.coding import CodedConcept
+    from pydicom.dataset import Dataset, FileMetaDataset
+    from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
+
+    study, series, frame = (generate_uid(entropy_srcs=[word]) for word in ("study", "series", "frame"))
+    slices = []
+    for k in range(4):
+        ct = Dataset()
+        ct.file_meta = FileMetaDataset()
+        ct.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        ct.SOPClassUID, ct.SOPInstanceUID = CTImageStorage, generate_uid(entropy_srcs=[f"slice {k}"])
+        ct.StudyInstanceUID, ct.SeriesInstanceUID, ct.FrameOfReferenceUID = study, series, frame
+        ct.PatientID, ct.PatientName, ct.PatientBirthDate, ct.PatientSex = "1", "A^B", "", ""
+        ct.StudyID, ct.StudyDate, ct.StudyTime, ct.AccessionNumber = "1", "20260101", "000000", ""
+        ct.ReferringPhysicianName, ct.Modality, ct.SeriesNumber, ct.InstanceNumber = "", "CT", 1, k + 1
+        ct.ImagePositionPatient, ct.ImageOrientationPatient = [10.0, 20.0, 30.0 + 3.0 * k], [1, 0, 0, 0, 1, 0]
+        ct.PixelSpacing, ct.SliceThickness, ct.Rows, ct.Columns = [2.0, 1.5], 3.0, 6, 8
+        ct.SamplesPerPixel, ct.PhotometricInterpretation = 1, "MONOCHROME2"
+        ct.BitsAllocated, ct.BitsStored, ct.HighBit, ct.PixelRepresentation = 16, 16, 15, 0
+        ct.PixelData = np.zeros((6, 8), dtype=np.uint16).tobytes()
+        slices.append(ct)
+    code = CodedConcept("10200004", "SCT", "Liver")
+    organ = CodedConcept("123037004", "SCT", "Anatomical Structure")
+    names = ("liver", "tumour", "vein")[: voxels.shape[3]]
+    described = [
+        highdicom.seg.SegmentDescription(n, name, organ, code, "MANUAL") for n, name in enumerate(names, start=1)
+    ]
+    highdicom.seg.Segmentation(
+        slices, voxels, kind, described, generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1",
+        content_creator_name="A^B", omit_empty_frames=leaves_out,
+    ).save_as(path)  # fmt: skip
+
+
+@pytest.mark.parametrize("leaves_out", [False, True])
+def test_a_dicom_segmentation_brings_names(tmp_path: Path, leaves_out: bool) -> None:
+    """Slices without labels, which a file may leave out, lie between the organ and the edge of the scan."""
+    voxels = np.zeros((4, 6, 8, 1), dtype=np.uint8)
+    voxels[1:3, 2:4, 5:7] = 1
+    segmentation(tmp_path / "liver.dcm", voxels, leaves_out=leaves_out)
+    found = vs.scan(tmp_path / "liver.dcm")
+    assert found.names == {1: "liver"}
+    assert found.labels == {1: 8}
+    assert found.axes == "LPS"
+    first = 1e-3 * np.array([10.0 + 1.5 * 5, 20.0 + 2.0 * 2, 33.0])
+    assert found.at([first, first - [1.5e-3, 0, 0]]).tolist() == [1, 0]
+    assert (found.values[[0, -1]] == 0).all()
+    assert "cut" not in found.mesh(edge="2 mm").sets
+
+
+def test_segments_that_overlap_or_are_fractions_are_refused(tmp_path: Path) -> None:
+    voxels = np.zeros((4, 6, 8, 3), dtype=np.uint8)
+    voxels[1:3, 2:4, 3:7, 0] = voxels[1:3, 2:4, 6:8, 1] = voxels[1, 2, 3, 2] = 1
+    segmentation(tmp_path / "several.dcm", voxels)
+    words = r"several.dcm: its segments 1 'liver' and 2 'tumour' overlap in 4 voxels \(and others elsewhere\), .*cut"
+    with pytest.raises(vs.VisceraError, match=words):
+        vs.scan(tmp_path / "several.dcm")
+    segmentation(tmp_path / "part.dcm", 0.7 * voxels[..., :1].astype(float), "FRACTIONAL")
+    with pytest.raises(vs.VisceraError, match=r"part.dcm: it says how much of each voxel .* save it as a binary"):
+        vs.scan(tmp_path / "part.dcm")
