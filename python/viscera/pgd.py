@@ -8,7 +8,7 @@ Niroomandi, Alfaro, González, Cueto and Chinesta, IJNME 96 (2013) 129; crates/p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -337,10 +337,12 @@ def error_analysis(
     truth: another `Pgd` (such as the direct one), or `Newton` for the full model.
     positions: where to compare, all load positions by default.
     Columns: terms, order, load, and `mean_error` and `worst_error` of |u - u_truth| / |u_truth| over the positions.
+    Raises `VisceraError` for terms or orders that are not whole numbers in the range that they may have.
     """
     places: Sequence[Place] = list(model.positions) if positions is None else positions
-    wanted = range(1, len(model.orders) + 1) if orders is None else orders
-    counts = sorted({min(count, max(model.counts)) for count in terms})
+    last = len(model.orders)
+    wanted = range(1, last + 1) if orders is None else _wholes(orders, "orders", Whole(1, last))
+    counts = sorted({min(count, max(model.counts)) for count in _wholes(terms, "terms", PAIRS)})
     smaller = {count: model.truncated(count) for count in counts}
     rows = []
     for a in loads:
@@ -351,6 +353,13 @@ def error_analysis(
                 rows.append((count, p, a, float(np.mean(errors)), float(np.max(errors))))
     names = ("terms", "order", "load", "mean_error", "worst_error")
     return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+
+
+def _wholes(given: Any, what: str, each: Whole) -> list[int]:
+    """Several whole numbers, each in a range."""
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise refused(what, "several whole numbers, such as (1, 10, 100)", given)
+    return [each(number, f"each of {what}") for number in given]
 
 
 def _relative(value: Floats, truth: Floats) -> float:

@@ -23,6 +23,7 @@ from viscera.labelmap import affine_of, labels_of, several, texts
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Edges, Progress, Region, mesh_regions
 from viscera.naming import told_apart
+from viscera.progress import shown
 from viscera.quantity import Choice, Number, Whole, numbers_of, path_of, refused
 from viscera.select import length
 
@@ -85,6 +86,7 @@ class Scan:
         """Distance of voxels along i, j and k (3,) [m]."""
         return np.asarray(np.linalg.norm(self.affine[:, :3], axis=0))
 
+    @shown
     def mesh(
         self,
         labels: Labels | None = None,

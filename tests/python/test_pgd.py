@@ -96,6 +96,21 @@ def test_projection_needs_fewer_pairs_for_the_same_field(direct: Pgd, greedy: Pg
             assert 0 < gap.sum() <= 0.02**2 * size.sum()
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"terms": 3}, r"terms must be several whole numbers, such as \(1, 10, 100\), got 3"),
+        ({"terms": "12"}, "terms must be several whole numbers"),
+        ({"terms": (0,)}, "each of terms must be a whole number"),
+        ({"terms": ("a",)}, "each of terms must be a whole number"),
+        ({"orders": (1.5,)}, "each of orders must be a whole number"),
+    ],
+)
+def test_error_analysis_says_what_it_wants(direct: Pgd, given: dict[str, Any], words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        error_analysis(direct, direct, **given)
+
+
 def test_error_analysis_is_a_table(organ: vs.Organ, direct: Pgd, top: np.ndarray) -> None:
     best = direct.project(0.0)
     table = error_analysis(best, direct, terms=(1, 4, 16), orders=(1, 5), loads=(0.2,))

@@ -369,6 +369,10 @@ ALONE: Any = np.ones((2, 2, 2, 3))
         (lambda scan: scan.at([1.0, 2.0]), r"the places must be finite numbers \(k, 3\) \[m\], got \[1.0, 2.0\]"),
         (lambda scan: scan.at("x"), r"the places must be finite numbers"),
         (lambda scan: scan.at([[np.nan, 0, 0]]), r"the places must be finite numbers"),
+        (
+            lambda scan: scan.mesh(7, edge="15 mm", progress=3),
+            "progress must be a function of .done, total, stage., or None, got 3",
+        ),
         (lambda scan: scan.touching(3, 1), "the mesh must be a Mesh"),
         (lambda scan: scan.near([[0, 0, 0]], "--7"), "the image has no label '--7'"),
         (lambda scan: scan.near([[0, 0, 0]], [7], reach=5), "reach, in voxels, must be a number from 0 to 1, got 5"),
