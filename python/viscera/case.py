@@ -148,7 +148,10 @@ class Case(Solvable):
         words = {name: getattr(self, NAMES.get(name, name)) for name in schema.CASE.keys}
         schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
         if self.fixed is None and not self.supports:
-            raise VisceraError("the key 'fixed' is missing; only an organ that `supports` hold needs no fixed nodes")
+            raise VisceraError(
+                "the key 'fixed' is missing; only an organ that `supports` hold needs no fixed nodes, if only a weak "
+                'one where bonds of a scene hold it, such as [supports."x > -1%"] with stiffness = 1e-3'
+            )
 
     def organ(self) -> Organ:
         """The organ: mesh, law and supports; each place of the case becomes a named set of its mesh.

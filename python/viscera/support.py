@@ -25,7 +25,7 @@ def fixed_nodes(mesh: Mesh, where: Where | None, ties: Ties = NONE) -> Indices:
     if is_none and not len(ties) and not ties.links:
         raise VisceraError(
             "nothing is fixed: the organ would float away; fix a node set, indices or a predicate, or give it elastic "
-            "supports"
+            "supports, if only a weak one where bonds of a scene hold it, such as ElasticSupport('x > -1%', 1e-3)"
         )
     try:
         fixed = np.empty(0, dtype=np.uint32) if where is None or is_none else mesh.nodes(where)
