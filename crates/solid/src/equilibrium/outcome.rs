@@ -10,7 +10,8 @@ pub enum Status {
     /// Equilibrium at the full load. But there, or near another equilibrium on the way, the tangent is not positive
     /// definite on the displacements that are free: the path passed an instability, and other equilibria exist.
     ConvergedPastInstability,
-    /// The path turns back before the full load; the result is the last equilibrium before it does.
+    /// The tangent becomes nearly singular before the full load, as at a limit point, where the path turns back, or at a
+    /// buckling load, where it bends aside; the result is the last equilibrium before.
     LimitPoint,
     /// The load step became too small; the result is the last equilibrium.
     StepTooSmall,

@@ -357,7 +357,7 @@ impl<'a> Run<'a> {
             iterations: self.iterations,
             cut,
             // The smallest step that failed is twice the one that was not tried any more.
-            turn: self.slopes.limit_point(self.load, 4.0 * step),
+            singular: self.slopes.singular_point(self.load, 4.0 * step),
             unstable: self.unstable,
         };
         Equilibrium {

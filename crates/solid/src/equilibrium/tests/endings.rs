@@ -1,0 +1,82 @@
+//! What the message of a solution says about a load step that failed, and what it advises.
+
+use super::*;
+use crate::equilibrium::ending::{Cut, Ending};
+
+fn stopped(cut: Cut) -> Ending {
+    Ending { load: 0.5, iterations: 40, cut: Some(cut), singular: None, unstable: None }
+}
+
+fn stalled(residual: f64) -> Ending {
+    stopped(Cut::Iterations { residual, tolerance: 1e-9 })
+}
+
+fn bulky(bulk_over_shear: f64) -> Body {
+    let (points, cells) = block([1, 1, 1], SIZE);
+    let row = vec![MU, (bulk_over_shear - 2.0 / 3.0) * MU];
+    Body::new(points, cells, Material::new("neo_hookean", vec![row]).unwrap()).unwrap()
+}
+
+#[test]
+fn a_residual_next_to_the_tolerance_is_told_as_what_rounding_may_leave() {
+    let body = bulky(1e4);
+    let load = problem(&body, clamped(&body));
+    let near = stalled(1.1e-9).message(&load);
+    assert!(
+        near.ends_with(
+            "next to Poisson's ratio 1/2 rounding may allow no less: choose a tolerance above it, such as 3e-9 where it is \
+             1e-9"
+        ),
+        "{near}"
+    );
+    let far = stalled(1e-3).message(&load);
+    assert!(far.ends_with("too many iterations (relative residual 1.0e-3)"), "{far}");
+}
+
+/// There a tangent that is nearly singular is as likely.
+#[test]
+fn poissons_ratio_is_not_blamed_where_the_law_is_compressible() {
+    let body = bulky(2.0);
+    let load = problem(&body, clamped(&body));
+    let said = stalled(1.1e-9).message(&load);
+    assert!(!said.contains("Poisson"), "{said}");
+    assert!(said.contains("3e-9 where it is 1e-9; or the tangent is nearly singular"), "{said}");
+    assert!(said.contains("sideways force"), "{said}");
+}
+
+/// The tangent that was not positive definite is the cause, whatever the law.
+#[test]
+fn an_unstable_tangent_is_not_told_as_rounding() {
+    let body = bulky(1e4);
+    let load = problem(&body, clamped(&body));
+    let said = Ending { unstable: Some((0.5, 7)), ..stalled(1.1e-9) }.message(&load);
+    assert!(!said.contains("rounding") && said.contains("point 2"), "{said}");
+    assert!(said.contains("sideways force"), "{said}");
+}
+
+/// Nothing is advised that the caller does already.
+#[test]
+fn the_advice_next_to_a_singular_tangent_fits_what_loads_the_body() {
+    let body = bulky(2.0);
+    let singular = || Ending { singular: Some(0.504), ..stalled(4.8e-7) };
+    let of_force = singular().message(&problem(&body, clamped(&body)));
+    assert!(of_force.contains("nearly singular at load 0.5040"), "{of_force}");
+    assert!(of_force.contains("Organ.path(parameter='arc length')"), "{of_force}");
+    assert_eq!(singular().status(), Status::LimitPoint);
+
+    let of_displacement = singular().message(&pulled(&body, [-0.01, 0.0, 0.0]));
+    assert!(of_displacement.contains("Organ.stepper"), "{of_displacement}");
+    assert!(!of_displacement.contains("prescribe a displacement"), "{of_displacement}");
+    assert!(!of_displacement.contains("arc length"), "{of_displacement}");
+}
+
+/// Buckling and then crushing cells of Saint Venant-Kirchhoff, whose tangent is nearly singular all the way.
+#[test]
+fn a_step_out_of_all_proportion_is_not_told_in_forty_digits() {
+    let body = bar("saint_venant_kirchhoff", [1, 1, 1]);
+    let load = problem(&body, clamped(&body));
+    let said = |jacobian| stopped(Cut::Inverted { cell: 3, jacobian }).message(&load);
+    assert!(said(-1.3e38).contains("out of all proportion (J = -1.3e38 in cell 3)"));
+    assert!(said(-0.25).contains("turns cell 3 inside out (J = -0.250)"));
+    assert!(said(-0.25).ends_with("use NeoHookean"));
+}
