@@ -1,6 +1,7 @@
 //! The owner of each point: the labels' indicators, smoothed, with biases that keep the labels' volumes.
 
 use crate::indicators::{blend, indicators, smoothed};
+use crate::pieces::Pieces;
 use crate::size::{Levels, Sizes};
 use crate::vector::{Point, dot, norm, scale, sub};
 use rayon::prelude::*;
@@ -31,18 +32,16 @@ const MARGIN: f64 = 0.02;
 const FADING: f64 = 0.1;
 /// With this bias a label owns all that is near it.
 const HIGHEST: f64 = 1.0;
-/// The label of a voxel that has none.
-pub const NONE: u8 = u8::MAX;
 
 /// Smoothed indicators on the part of the grid that holds the labels.
 pub struct Field {
     /// Number of voxels along each axis.
-    pub dims: [usize; 3],
+    dims: [usize; 3],
     n_labels: usize,
     /// `u[voxel * n_labels + label]`.
     u: Vec<f32>,
-    /// The label of each voxel, by its place in the list; [`NONE`] if it has none of them.
-    pub held: Vec<u8>,
+    /// The pieces of the labels.
+    pub pieces: Pieces,
     to_index: Affine,
     /// Added to each label's indicator, less what it lacks; the outside has none.
     bias: Vec<f64>,
@@ -55,7 +54,7 @@ pub struct Field {
     /// Lowest and highest corner of a box that holds the labels [m].
     pub bounds: [Point; 2],
     /// Volume of a voxel [m^3].
-    pub voxel_volume: f64,
+    voxel_volume: f64,
     reach: f64,
     sizes: Sizes,
     /// The sizes of the lattice that suits the labels' edges.
@@ -160,21 +159,19 @@ impl Field {
             }
         }
         let voxel_volume = to_world.determinant().abs();
+        let volumes = match map.volumes {
+            Some(known) => known.to_vec(),
+            None => volumes(map, labels, voxel_volume),
+        };
         let mut field = Field {
             dims,
             n_labels: labels.len(),
             u,
-            held: (0..dims[0] * dims[1] * dims[2])
-                .into_par_iter()
-                .map(|voxel| place(voxel).map_or(NONE, |label| label as u8))
-                .collect(),
+            pieces: Pieces::new(dims, place, &volumes, voxel_volume),
             bias: vec![0.0; labels.len()],
             everywhere: Self::share(labels.len()),
             planes,
-            volumes: match map.volumes {
-                Some(known) => known.to_vec(),
-                None => volumes(map, labels, voxel_volume),
-            },
+            volumes,
             bounds: bounds(&to_world, held),
             voxel_volume,
             reach: (0..3).map(|k| sigma[k] * spacing[k]).fold(0.0, f64::max),

@@ -6,6 +6,7 @@ use crate::quality::{FACES, min_sine};
 use crate::stars::Stars;
 use crate::surface::BEYOND;
 use crate::vector::{Point, add, cross, norm, scale, sub};
+use crate::{Error, Step};
 use rayon::prelude::*;
 
 /// Nodes around cells whose angles are all better than this (sine of 40 degrees) stay.
@@ -15,6 +16,8 @@ const STEP: f64 = 0.15;
 const SHRINK: f64 = 0.88;
 /// Around worse cells than this (sine of 14 degrees) a node may leave its surfaces, unless they are flat.
 const ROUGH: f64 = 0.25;
+/// Steps of a sweep between which it can be ended.
+pub const STEPS_PER_SWEEP: usize = 4;
 /// Sine of the angle below which a cell outside counts.
 const FLAT: f64 = 0.1;
 /// A node may leave its surface's cells this good at least when it goes back to the surface.
@@ -113,14 +116,19 @@ impl<'a> Improving<'a> {
         Improving { field, points, spacing, cells, owner, stars, surfaces, classes }
     }
 
-    /// One round over all nodes that have a bad cell.
-    pub fn sweep(&mut self, round: i32) {
+    /// One round over all nodes that have a bad cell, in [`STEPS_PER_SWEEP`] steps.
+    pub fn sweep(&mut self, round: i32, step: Step) -> Result<(), Error> {
         let size = STEP * SHRINK.powi(round);
         let quality: Vec<f64> = (0..self.cells.len())
             .into_par_iter()
             .map(|c| self.quality(c, self.corners(self.cells[c])))
             .collect();
-        for class in 0..self.classes.len() {
+        let n_classes = self.classes.len();
+        for class in 0..n_classes {
+            let until = |class: usize| class * STEPS_PER_SWEEP / n_classes;
+            for _ in until(class)..until(class + 1) {
+                step()?;
+            }
             let moved: Vec<(u32, Point)> = self.classes[class]
                 .par_iter()
                 .filter(|&&node| self.stars.of(node).iter().any(|&c| quality[c as usize] < GOOD))
@@ -130,6 +138,7 @@ impl<'a> Improving<'a> {
                 self.points[node as usize] = place;
             }
         }
+        Ok(())
     }
 
     /// Brings every node back to its surfaces, as far as its cells allow.

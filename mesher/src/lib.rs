@@ -13,6 +13,7 @@ mod improve;
 mod indicators;
 mod lattice;
 mod parts;
+mod pieces;
 pub mod quality;
 mod size;
 mod stars;
@@ -25,6 +26,7 @@ use field::Field;
 pub use field::Labels;
 use improve::{Improving, Interface};
 use lattice::{Lattice, MEAN_EDGE};
+pub use parts::Lost;
 use rayon::prelude::*;
 use surface::Surface;
 use vector::Point;
@@ -37,8 +39,8 @@ pub enum Error {
     BadMap,
     /// No voxel carries the label.
     Absent(u16),
-    /// The lattice misses the label: the edge is too long for it.
-    Missed(u16),
+    /// The lattice misses a label, given by its place in the list: the edge is too long for it.
+    Missed(usize),
     /// At this place [m] surfaces are so close that cells between them stay flat or turned over.
     Tangled(Point),
     /// The lengths are not one for each label, or not above zero.
@@ -64,7 +66,7 @@ impl std::fmt::Display for Error {
             Error::Absent(label) => write!(f, "no voxel has the label {label}"),
             Error::Missed(label) => write!(
                 f,
-                "the edge is too long for label {label}: no cell of it is left; use a shorter one"
+                "the edge is too long for label {label} of the list: no cell of it is left; use a shorter one"
             ),
             Error::Tangled(place) => {
                 let [x, y, z] = place.map(|x| 1e3 * x);
@@ -104,10 +106,10 @@ pub struct Mesh {
     pub edges: Vec<f64>,
     /// Volume that each label was to have, that of its voxels unless another was given [m^3].
     pub volumes: Vec<f64>,
-    /// Volume of each label's voxels that was dropped with parts that held little of any label [m^3].
-    pub dropped: Vec<f64>,
-    /// How many parts were dropped.
-    pub n_dropped: usize,
+    /// Separate pieces that held little of any label, and were dropped.
+    pub dropped: Lost,
+    /// Other separate pieces for which the cells are too large.
+    pub missed: Lost,
 }
 
 /// How often the biases are corrected by the volumes of the cut lattice, and by those of the mesh.
@@ -115,8 +117,6 @@ const CORRECTIONS: usize = 3;
 const LAST_CORRECTIONS: usize = 2;
 const SWEEPS: i32 = 16;
 const LAST_SWEEPS: i32 = 4;
-const STEPS: usize =
-    2 + CORRECTIONS + SWEEPS as usize + LAST_CORRECTIONS * (1 + LAST_SWEEPS as usize);
 /// Where surfaces are closer to each other than nodes, a cell may stay flat or turned over. On a lattice that lies
 /// elsewhere it seldom does: these shifts are tried [spacings], until no angle has a smaller sine than the first limit.
 /// The second is that of a cell that is no good at all.
@@ -149,7 +149,8 @@ pub fn mesh(
     mut watch: impl FnMut(usize, usize) -> bool,
 ) -> Result<Mesh, Error> {
     check(map, labels, edges)?;
-    if !watch(0, STEPS) {
+    let steps = steps(labels.len());
+    if !watch(0, steps) {
         return Err(Error::Cancelled);
     }
     let mut field = Field::new(map, labels, edges);
@@ -158,7 +159,12 @@ pub fn mesh(
     let mut place = [0.0; 3];
     for shift in SHIFTS {
         field.set_biases(&biases);
-        let made = match tried(&mut field, labels, shift, &mut watch) {
+        let mut done = 0;
+        let mut step = || {
+            done += 1;
+            if watch(done, steps) { Ok(()) } else { Err(Error::Cancelled) }
+        };
+        let made = match tried(&mut field, shift, &mut step) {
             Err(Error::Missed(_) | Error::TooFine) if best.is_some() => continue,
             made => made?,
         };
@@ -192,49 +198,47 @@ struct Made {
     meeting: Vec<u64>,
 }
 
+/// Counts a step of the work; the error [`Error::Cancelled`] ends it.
+type Step<'a> = &'a mut dyn FnMut() -> Result<(), Error>;
+
+/// How often a try counts, which ends one before: a step for the lattice, one for each surface and one after them in
+/// every cut.
+fn steps(n_labels: usize) -> usize {
+    let in_sweeps = |sweeps: i32| sweeps as usize * improve::STEPS_PER_SWEEP;
+    let last = LAST_CORRECTIONS * (1 + in_sweeps(LAST_SWEEPS));
+    2 + (CORRECTIONS + 1) * (n_labels + 1) + in_sweeps(SWEEPS) + last
+}
+
 /// One try, on a lattice that lies `shift` spacings lower.
-fn tried(
-    field: &mut Field,
-    labels: &[u16],
-    shift: Point,
-    watch: &mut impl FnMut(usize, usize) -> bool,
-) -> Result<Made, Error> {
-    let mut done = 0;
-    let mut step = || {
-        done += 1;
-        if watch(done, STEPS) { Ok(()) } else { Err(Error::Cancelled) }
-    };
+fn tried(field: &mut Field, shift: Point, step: Step) -> Result<Made, Error> {
+    step()?;
     let lattice = lattice(field, shift).ok_or(Error::TooFine)?;
     for _ in 0..CORRECTIONS {
-        step()?;
-        let cut = cut_lattice(field, &lattice);
-        correct(field, labels, &cut.points, &cut)?;
+        let cut = cut_lattice(field, &lattice, step)?;
+        correct(field, &cut.points, &cut)?;
     }
-    let cut = cut_lattice(field, &lattice);
+    let cut = cut_lattice(field, &lattice, step)?;
     let meeting = improve::meeting(cut.points.len(), &cut.interfaces);
     let mut points = {
         let start = cut.points.clone();
         let mut improving =
             Improving::new(field, &cut.spacing, start, &meeting, &cut.cells, &cut.owner);
         for round in 0..SWEEPS {
-            step()?;
-            improving.sweep(round);
+            improving.sweep(round, step)?;
         }
         improving.points
     };
     for _ in 0..LAST_CORRECTIONS {
         step()?;
-        correct(field, labels, &points, &cut)?;
+        correct(field, &points, &cut)?;
         let mut improving =
             Improving::new(field, &cut.spacing, points, &meeting, &cut.cells, &cut.owner);
         improving.return_to_surfaces();
         for round in 0..LAST_SWEEPS {
-            step()?;
-            improving.sweep(round + 8);
+            improving.sweep(round + 8, step)?;
         }
         points = improving.points;
     }
-    step()?;
     Ok(Made { cut, points, meeting })
 }
 
@@ -277,7 +281,7 @@ fn finished(field: &Field, edges: &[f64], Made { cut, points, meeting }: Made) -
         edges: edges.iter().map(|&edge| field.levels.edge(edge)).collect(),
         volumes: field.volumes.clone(),
         dropped: cut.dropped,
-        n_dropped: cut.n_dropped,
+        missed: cut.missed,
     }
 }
 
@@ -310,8 +314,8 @@ struct Cut {
     cells: Vec<[u32; 4]>,
     owner: Vec<usize>,
     interfaces: Vec<Interface>,
-    dropped: Vec<f64>,
-    n_dropped: usize,
+    dropped: Lost,
+    missed: Lost,
 }
 
 /// The lattice where the labels may be, whatever the corrections of the biases, lowered by a shift in spacings.
@@ -324,7 +328,7 @@ fn lattice(field: &Field, shift: Point) -> Option<Lattice> {
     Lattice::new(bounds, side, levels.count, is_coarse, is_near)
 }
 
-fn cut_lattice(field: &Field, lattice: &Lattice) -> Cut {
+fn cut_lattice(field: &Field, lattice: &Lattice, step: Step) -> Result<Cut, Error> {
     let is_inside: Vec<bool> = lattice
         .points
         .par_iter()
@@ -339,19 +343,22 @@ fn cut_lattice(field: &Field, lattice: &Lattice) -> Cut {
     if !field.planes.is_empty() {
         cutting.cut(Surface::Beyond);
     }
-    cutting.cut(Surface::Outside);
-    for label in 0..field.outside() - 1 {
-        cutting.cut(Surface::Label(label));
+    for surface in
+        [Surface::Outside].into_iter().chain((1..field.outside()).map(|l| Surface::Label(l - 1)))
+    {
+        step()?;
+        cutting.cut(surface);
     }
+    step()?;
     let rest = cutting.cells.iter().map(|&cell| (cell, field.outside() - 1));
     let (cells, mut owner): (Vec<_>, Vec<_>) = cutting.owned.iter().copied().chain(rest).unzip();
     let (used, cells) = renumbered(cutting.points.len(), cells);
     let points: Vec<Point> = used.iter().map(|&i| cutting.points[i as usize]).collect();
     let spacing = used.iter().map(|&i| cutting.spacing[i as usize]).collect();
     let on: Vec<u64> = used.iter().map(|&i| cutting.on[i as usize]).collect();
-    let (dropped, n_dropped) = parts::tidy(field, &points, &cells, &mut owner);
+    let [dropped, missed] = parts::tidy(field, &points, &cells, &mut owner);
     let interfaces = improve::interfaces(&on, &cells, &owner, field.outside());
-    Cut { points, spacing, cells, owner, interfaces, dropped, n_dropped }
+    Ok(Cut { points, spacing, cells, owner, interfaces, dropped, missed })
 }
 
 /// The points that cells use, ascending, and the cells by their new numbers.
@@ -384,11 +391,11 @@ fn volumes(points: &[Point], cells: &[[u32; 4]], owner: &[usize], n_labels: usiz
 
 /// Moves the biases so that the mesh's volumes come closer to the voxels': a step of Newton's method, since a face of
 /// area `A` moves by `1 / |grad (s_a - s_b)|` when the bias of `a` grows by 1.
-fn correct(field: &mut Field, labels: &[u16], points: &[Point], cut: &Cut) -> Result<(), Error> {
-    let n = labels.len();
+fn correct(field: &mut Field, points: &[Point], cut: &Cut) -> Result<(), Error> {
+    let n = field.outside();
     let volumes = volumes(points, &cut.cells, &cut.owner, n);
     if let Some(missed) = volumes[..n].iter().position(|&volume| volume <= 0.0) {
-        return Err(Error::Missed(labels[missed]));
+        return Err(Error::Missed(missed));
     }
     let mut slope = vec![vec![0.0; n + 1]; n + 1];
     for face in &cut.interfaces {
@@ -402,7 +409,8 @@ fn correct(field: &mut Field, labels: &[u16], points: &[Point], cut: &Cut) -> Re
             slope[i][j] -= rate;
         }
     }
-    let wanted = (0..n).map(|l| field.volumes[l] - cut.dropped[l] - volumes[l]).collect();
+    let lost = |l: usize| cut.dropped.volumes[l] + cut.missed.volumes[l];
+    let wanted = (0..n).map(|l| field.volumes[l] - lost(l) - volumes[l]).collect();
     for (label, shift) in solved(slope, wanted).into_iter().enumerate() {
         field.raise(label, shift.clamp(-LARGEST, LARGEST));
     }

@@ -1,24 +1,41 @@
-//! Pieces too small to be parts.
+//! Pieces of the mesh too small to be parts, and pieces of the labels that the mesh does not hold.
 
-use crate::field::{Field, NONE};
+use crate::field::Field;
 use crate::improve::faces;
+use crate::pieces::is_small;
 use crate::quality::volume6;
-use crate::vector::{Point, mean};
+use crate::vector::{Point, add, mean, scale};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A piece of an owner with fewer cells than this (two cubes of the lattice) is given to a neighbour.
 const FEWEST: usize = 24;
-/// A separate part of the mesh is dropped if it has less than this share of each of its labels.
-const LEAST_SHARE: f64 = 0.05;
+
+/// Pieces of the labels that the mesh lacks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Lost {
+    /// Volume of each label in them [m^3].
+    pub volumes: Vec<f64>,
+    /// How many they are.
+    pub count: usize,
+}
+
+impl Lost {
+    fn add(&mut self, volumes: &[f64]) {
+        self.volumes.iter_mut().zip(volumes).for_each(|(sum, v)| *sum += v);
+    }
+}
+
+/// A separate part of the mesh that is small.
+struct Scrap {
+    /// Volume of each label [m^3].
+    volumes: Vec<f64>,
+    /// The pieces of the labels in which it lies.
+    pieces: BTreeSet<usize>,
+}
 
 /// Gives small pieces to the neighbour with which they share most faces, and parts that hold little of any label to the
-/// outside. Returns the volume of each label's voxels that was dropped with the latter [m^3], and how many these were.
-pub fn tidy(
-    field: &Field,
-    points: &[Point],
-    cells: &[[u32; 4]],
-    owner: &mut [usize],
-) -> (Vec<f64>, usize) {
+/// outside. Returns what this drops of stray voxels, and what the mesh misses of others since its cells are too large.
+pub fn tidy(field: &Field, points: &[Point], cells: &[[u32; 4]], owner: &mut [usize]) -> [Lost; 2] {
     let faces = faces(cells);
     let pairs: Vec<[usize; 2]> = faces
         .chunk_by(|a, b| a.0 == b.0)
@@ -30,98 +47,56 @@ pub fn tidy(
 
     let part = components(cells.len(), &pairs, |a, b| owner[a] != outside && owner[b] != outside);
     let mut total = vec![0.0; outside];
-    let mut held = BTreeMap::new();
+    let mut scraps = BTreeMap::new();
     for (c, cell) in cells.iter().enumerate().filter(|(c, _)| owner[*c] != outside) {
         let volume = volume6(cell.map(|i| points[i as usize])).abs() / 6.0;
         total[owner[c]] += volume;
-        held.entry(part[c]).or_insert_with(|| vec![0.0; outside])[owner[c]] += volume;
+        let new = || Scrap { volumes: vec![0.0; outside], pieces: BTreeSet::new() };
+        scraps.entry(part[c]).or_insert_with(new).volumes[owner[c]] += volume;
     }
-    held.retain(|_, volumes| is_small(volumes, &total));
-    let mut places: BTreeMap<usize, Vec<Point>> = BTreeMap::new();
+    scraps.retain(|_, scrap| is_small(&scrap.volumes, &total));
+    let mut is_held = vec![false; field.pieces.label.len()];
+    for (c, cell) in cells.iter().enumerate().filter(|(c, _)| owner[*c] != outside) {
+        let corners = cell.map(|i| points[i as usize]);
+        let found = samples(corners).into_iter().filter_map(|x| field.pieces.at(field.voxel(x)));
+        let own = found.filter(|&piece| field.pieces.label[piece] == owner[c]);
+        match scraps.get_mut(&part[c]) {
+            Some(scrap) => scrap.pieces.extend(own),
+            None => own.for_each(|piece| is_held[piece] = true),
+        }
+    }
     for c in 0..cells.len() {
-        if owner[c] != outside && held.contains_key(&part[c]) {
+        if owner[c] != outside && scraps.contains_key(&part[c]) {
             owner[c] = outside;
-            let middle = mean(cells[c].map(|i| points[i as usize]));
-            places.entry(part[c]).or_default().push(middle);
         }
     }
-    // Both go by the numbers of the parts.
-    (in_voxels(field, held.values().zip(places.values())), places.len())
+    lost(field, &is_held, scraps.values())
 }
 
-fn is_small(volumes: &[f64], total: &[f64]) -> bool {
-    volumes.iter().zip(total).all(|(v, t)| *v < LEAST_SHARE * t.max(1e-300))
-}
-
-/// Volume of each label's voxels in parts of the mesh, which are given by their own volumes and places in them: what is
-/// left is to have the volume of the other voxels. A part that the voxels join to a large one counts as it is.
-fn in_voxels<'a>(
-    field: &Field,
-    parts: impl Iterator<Item = (&'a Vec<f64>, &'a Vec<Point>)>,
-) -> Vec<f64> {
-    let mut pieces = Pieces { field, number: Vec::new(), volumes: Vec::new() };
-    let mut found = BTreeSet::new();
-    let mut sum = vec![0.0; field.outside()];
-    let mut add = |volumes: &[f64]| sum.iter_mut().zip(volumes).for_each(|(s, v)| *s += v);
-    for (volumes, places) in parts {
-        let mut here: BTreeSet<usize> = places.iter().filter_map(|&x| pieces.at(x)).collect();
-        here.retain(|&piece| is_small(&pieces.volumes[piece], &field.volumes));
-        if here.is_empty() {
-            add(volumes);
-        }
-        found.extend(here);
+/// What is dropped and what is missed, by the pieces that the mesh holds: what is left is to have the volume of these. A
+/// scrap in a piece that is held counts as it is.
+fn lost<'a>(field: &Field, is_held: &[bool], scraps: impl Iterator<Item = &'a Scrap>) -> [Lost; 2] {
+    let pieces = &field.pieces;
+    let none = Lost { volumes: vec![0.0; field.outside()], count: 0 };
+    let [mut dropped, mut missed] = [none.clone(), none];
+    for scrap in scraps.filter(|scrap| scrap.pieces.iter().all(|&piece| is_held[piece])) {
+        dropped.add(&scrap.volumes);
+        dropped.count += 1;
     }
-    found.into_iter().for_each(|piece| add(&pieces.volumes[piece]));
-    sum
+    let mut bodies = BTreeSet::new();
+    for piece in (0..is_held.len()).filter(|&piece| !is_held[piece]) {
+        let lost = if pieces.is_stray[piece] { &mut dropped } else { &mut missed };
+        lost.volumes[pieces.label[piece]] += pieces.volume[piece];
+        lost.count += usize::from(!pieces.is_stray[piece] || bodies.insert(pieces.body[piece]));
+    }
+    [dropped, missed]
 }
 
-/// Connected voxels, as far as they were asked for.
-struct Pieces<'a> {
-    field: &'a Field,
-    /// One more than the piece of each voxel; 0 while that is not known.
-    number: Vec<u32>,
-    /// Volume of each label in each piece [m^3].
-    volumes: Vec<Vec<f64>>,
-}
-
-impl Pieces<'_> {
-    /// The piece at a place.
-    fn at(&mut self, x: Point) -> Option<usize> {
-        let voxel = self.field.voxel(x);
-        if self.field.held[voxel] == NONE {
-            return None;
-        }
-        self.number.resize(self.field.held.len(), 0);
-        if self.number[voxel] == 0 {
-            self.fill(voxel);
-        }
-        Some(self.number[voxel] as usize - 1)
-    }
-
-    /// Numbers the voxels that are joined to one by faces, edges or corners.
-    fn fill(&mut self, start: usize) {
-        let [nx, ny, nz] = self.field.dims;
-        let mut volumes = vec![0.0; self.field.outside()];
-        let number = self.volumes.len() as u32 + 1;
-        self.number[start] = number;
-        let mut open = vec![start];
-        while let Some(voxel) = open.pop() {
-            volumes[usize::from(self.field.held[voxel])] += self.field.voxel_volume;
-            let around = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);
-            for i in around(voxel / (ny * nz), nx) {
-                for j in around(voxel / nz % ny, ny) {
-                    for k in around(voxel % nz, nz) {
-                        let next = (i * ny + j) * nz + k;
-                        if self.field.held[next] != NONE && self.number[next] == 0 {
-                            self.number[next] = number;
-                            open.push(next);
-                        }
-                    }
-                }
-            }
-        }
-        self.volumes.push(volumes);
-    }
+/// Places in a cell: its middle, and those halfway to its corners.
+fn samples(corners: [Point; 4]) -> [Point; 5] {
+    let centre = mean(corners);
+    let half = corners.map(|x| scale(add(x, centre), 0.5));
+    [centre, half[0], half[1], half[2], half[3]]
 }
 
 fn merge_crumbs(

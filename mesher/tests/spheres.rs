@@ -216,8 +216,8 @@ fn a_crumb_apart_is_dropped_and_counted() {
         u16::from(distance(x, [-4.0, 0.0, 0.0]) < 10.0 || distance(x, [14.0, 0.0, 0.0]) < 3.0)
     });
     let mesh = made(&values, &[1], 2.0);
-    assert_eq!(mesh.n_dropped, 1);
-    assert!((mesh.dropped[0] / 113.0 - 1.0).abs() < 0.3, "{}", mesh.dropped[0]);
+    assert_eq!(mesh.dropped.count, 1);
+    assert!((mesh.dropped.volumes[0] / 113.0 - 1.0).abs() < 0.3, "{}", mesh.dropped.volumes[0]);
     assert!(mesh.points.iter().all(|x| x[0] < 28.0));
 }
 
@@ -280,8 +280,8 @@ fn what_is_dropped_leaves_the_rest_its_volume() {
     let is_in = |x: [f64; 3], low: f64, high: f64| x.iter().all(|x| (low..high).contains(x));
     let values = painted(|x| u16::from(is_in(x, -16.0, 4.0) || is_in(x, 9.0, 15.0)));
     let mesh = made(&values, &[1], 4.0);
-    assert_eq!((mesh.n_dropped, mesh.volumes[0]), (1, 8216.0));
-    assert!((mesh.dropped[0] - 216.0).abs() < 1e-9, "{}", mesh.dropped[0]);
+    assert_eq!((mesh.dropped.count, mesh.volumes[0]), (1, 8216.0));
+    assert!((mesh.dropped.volumes[0] - 216.0).abs() < 1e-9, "{}", mesh.dropped.volumes[0]);
     assert!((volume_errors(&mesh)[0] + 216.0 / 8216.0).abs() < 1e-3);
 }
 

@@ -23,6 +23,7 @@ from viscera import _core, surfacefile
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.meshfile import METRES, metres_per_unit
+from viscera.placement import misplaced
 from viscera.quantity import Number, brief
 from viscera.select import BOUND, length
 
@@ -38,8 +39,12 @@ MOST_VOXELS = 2e8
 MOST_CELLS = 5e7
 MIDDLE_EDGE = 0.911
 """Mean edge of the lattice in units of its spacing; the volume of a cell is a twelfth of the spacing cubed."""
+AT_BORDER = 1e-3
+"""How far a node on a flat end may lie from the image's border [voxels]."""
 OFF = 0.02
 """Share of its volume by which a part may be off before a message says so."""
+MISPLACED = 0.07
+"""Share of its volume that a part may have in other places than its voxels before a message says so."""
 MOST_OFF = 0.5
 """A part that is off by more is refused: cells this coarse do not show it."""
 DIRECTIONS = {
@@ -70,7 +75,8 @@ def mesh_regions(
 ) -> Mesh:
     """Conforming tetrahedra of regions of a label map (i, j, k), with the volumes [m^3] of their voxels or those given;
     see `Scan.mesh`."""
-    sizes = edge_lengths(edge, [region.name for region in regions])
+    names = [region.name for region in regions]
+    sizes = edge_lengths(edge, names)
     order = np.zeros(65536, dtype=np.uint16)
     for region in regions:
         order[list(region.numbers)] = region.numbers[0]
@@ -85,12 +91,15 @@ def mesh_regions(
         raise VisceraError(f"an edge of {1e3 * min(sizes):g} mm would make {cells:.2g} cells; give a longer one")
     labels = [region.numbers[0] for region in regions]
     tell = None if progress is None else lambda done, total: progress(done, total, "meshing")
-    made = _core.mesh_labels(own, affine, labels, volumes=volumes, edges=sizes, on_progress=tell)
+    made = _core.mesh_labels(own, affine, labels, names=names, volumes=volumes, edges=sizes, on_progress=tell)
     cell_sets = {region.name: np.flatnonzero(made["owner"] == k) for k, region in enumerate(regions)}
     sets = {"cut": made["cut"]} if len(made["cut"]) else {}
     found = mesh(made["points"], made["cells"], sets, cell_sets)
-    told = [*_messages(made, own, affine, axes, regions), *_shorter_edges(made["edges"], sizes, regions)]
-    messages = (*found.messages, *told, *_volumes_off(found, made, "voxels" if volumes is None else "surface"))
+    told = [*_cut_ends(made, own.shape, affine, axes, names), *_lost_pieces(made, names)]
+    told += _shorter_edges(made["edges"], sizes, names)
+    told += _volumes_off(found, made, "voxels" if volumes is None else "surface")
+    told += _misplaced(found, own, affine, labels, made["edges"])
+    messages = (*found.messages, *told)
     return replace(found, axes=axes, messages=messages)
 
 
@@ -204,28 +213,48 @@ def _check_edge(name: str, volume: float, edge: float) -> None:
         )
 
 
-def _messages(
-    made: dict[str, Any], own: NDArray[np.uint16], affine: Floats, axes: str, regions: Sequence[Region]
-) -> list[str]:
+def _cut_ends(made: dict[str, Any], shape: Sequence[int], affine: Floats, axes: str, names: Sequence[str]) -> list[str]:
+    """The ends of the image at which parts of the mesh are flat."""
+    is_cut = np.zeros(len(made["points"]), dtype=bool)
+    is_cut[made["cut"]] = True
+    index = (made["points"] - affine[:, 3]) @ np.linalg.inv(affine[:, :3]).T
     messages = []
-    borders = [(k, side) for k in range(3) for side in (0, -1)]
-    for region in regions:
-        ends = [_end(affine, axes, k, side) for k, side in borders if (own.take(side, k) == region.numbers[0]).any()]
+    for place, name in enumerate(names):
+        cells = made["cells"][made["owner"] == place]
+        ends = []
+        for k, side in ((k, side) for k in range(3) for side in (0, -1)):
+            border = -0.5 if side == 0 else shape[k] - 0.5
+            is_flat = is_cut & (np.abs(index[:, k] - border) < AT_BORDER)
+            if (is_flat[cells].sum(axis=1) >= 3).any():
+                ends.append(_end(affine, axes, k, side))
         if ends:
             messages.append(
-                f"the image's edge cuts {region.name!r} at its {_listed(ends)} end, which is flat there: set 'cut'"
+                f"the image's edge cuts {name!r} at its {_listed(ends)} end, which is flat there: set 'cut'"
             )
-    if made["n_dropped"]:
-        lost = ", ".join(f"{1e6 * v:.2g} ml of {r.name!r}" for v, r in zip(made["dropped"], regions, strict=True) if v)
-        pieces = "a separate piece" if made["n_dropped"] == 1 else f"{made['n_dropped']} separate pieces"
-        messages.append(f"dropped {pieces} with less than 5 % of its label: {lost}")
     return messages
+
+
+def _lost_pieces(made: dict[str, Any], names: Sequence[str]) -> list[str]:
+    """The separate pieces of voxels that the mesh does not hold."""
+
+    def told(kind: str, reason: str, remedy: str = "") -> list[str]:
+        if not (count := made[f"n_{kind}"]):
+            return []
+        lost = ", ".join(f"{1e6 * v:.2g} ml of {n!r}" for v, n in zip(made[kind], names, strict=True) if v)
+        pieces = "a separate piece" if count == 1 else f"{count} separate pieces"
+        return [f"dropped {pieces} {reason}: {lost}{remedy}"]
+
+    return [
+        *told("dropped", "with less than 5 % of its label"),
+        *told("missed", "for which the edge is too long", "; give a shorter edge where that matters"),
+    ]
 
 
 def _volumes_off(found: Mesh, made: dict[str, Any], whose: str) -> list[str]:
     """The parts whose volume is not that of their voxels, or of the surface, less what was dropped."""
     messages = []
-    for (name, cells), wanted in zip(found.cell_sets.items(), made["volumes"] - made["dropped"], strict=True):
+    kept = made["volumes"] - made["dropped"] - made["missed"]
+    for (name, cells), wanted in zip(found.cell_sets.items(), kept, strict=True):
         volume = float(found.facts["cell_volumes"][cells].sum())
         off = volume / wanted - 1.0
         both = f"its mesh has {1e6 * volume:.3g} ml, its {whose} {1e6 * wanted:.3g} ml"
@@ -237,11 +266,26 @@ def _volumes_off(found: Mesh, made: dict[str, Any], whose: str) -> list[str]:
     return messages
 
 
-def _shorter_edges(edges: Floats, asked: Sequence[float], regions: Sequence[Region]) -> list[str]:
+def _misplaced(found: Mesh, own: NDArray[np.uint16], affine: Floats, labels: Sequence[int], edges: Floats) -> list[str]:
+    """The parts of which much volume is in other places than that of their voxels."""
+    messages = []
+    for (name, cells), label, edge in zip(found.cell_sets.items(), labels, edges, strict=True):
+        volume = float(found.facts["cell_volumes"][cells].sum())
+        off = misplaced(own == label, affine, found.points, found.cells[cells], float(edge))
+        if off > MISPLACED * volume:
+            messages.append(
+                f"{name!r} is too thick in some places and too thin in others: {1e6 * off:.2g} of its "
+                f"{1e6 * volume:.3g} ml are not where its voxels are; give a shorter edge where that matters, or finer "
+                "voxels"
+            )
+    return messages
+
+
+def _shorter_edges(edges: Floats, asked: Sequence[float], names: Sequence[str]) -> list[str]:
     """What the lattice made of the lengths asked for, where that is less."""
     told = [
-        f"{1e3 * edge:.3g} mm in {region.name!r}"
-        for edge, size, region in zip(edges, asked, regions, strict=True)
+        f"{1e3 * edge:.3g} mm in {name!r}"
+        for edge, size, name in zip(edges, asked, names, strict=True)
         if edge < 0.999 * size
     ]
     return [f"lengths double from cube to cube, so edges are {_listed(told)}"] if told else []

@@ -9,12 +9,14 @@ use pyo3::types::PyDict;
 use viscera_mesher::{Error, Labels, Winding};
 
 #[pyfunction]
-#[pyo3(signature = (values, affine, labels, *, volumes, edges, on_progress))]
+#[pyo3(signature = (values, affine, labels, *, names, volumes, edges, on_progress))]
+#[allow(clippy::too_many_arguments)]
 pub fn mesh_labels<'py>(
     py: Python<'py>,
     values: PyReadonlyArray3<u16>,
     affine: PyReadonlyArray2<f64>,
     labels: Vec<u16>,
+    names: Vec<String>,
     volumes: Option<Vec<f64>>,
     edges: Vec<f64>,
     on_progress: Option<Py<PyAny>>,
@@ -27,6 +29,14 @@ pub fn mesh_labels<'py>(
     let made = threads::detached(py, || {
         viscera_mesher::mesh(&map, &labels, &edges, |done, total| watch.report((done, total)))
     })?;
+    if let Err(Error::Missed(label)) = made
+        && let (Some(name), Some(edge)) = (names.get(label), edges.get(label))
+    {
+        return Err(VisceraError::new_err(format!(
+            "the edge, {} mm, is too long for '{name}': no cell of it is left; give a shorter one",
+            (1e3 * edge) as f32 // without the last digits, which the factor makes
+        )));
+    }
     let mesh = outcome(watch, made)?;
     let facts = PyDict::new(py);
     facts.set_item("points", convert::table(py, &mesh.points)?)?;
@@ -36,8 +46,10 @@ pub fn mesh_labels<'py>(
     facts.set_item("cut", PyArray1::from_vec(py, mesh.cut))?;
     facts.set_item("edges", PyArray1::from_vec(py, mesh.edges))?;
     facts.set_item("volumes", PyArray1::from_vec(py, mesh.volumes))?;
-    facts.set_item("dropped", PyArray1::from_vec(py, mesh.dropped))?;
-    facts.set_item("n_dropped", mesh.n_dropped)?;
+    for (name, lost) in [("dropped", mesh.dropped), ("missed", mesh.missed)] {
+        facts.set_item(name, PyArray1::from_vec(py, lost.volumes))?;
+        facts.set_item(format!("n_{name}"), lost.count)?;
+    }
     Ok(facts)
 }
 
