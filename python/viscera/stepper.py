@@ -228,6 +228,9 @@ class Stepper:
             the surface. All may change with every frame; a load that is not given no longer acts.
         gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one given here.
 
+        Ctrl-C ends a frame that takes longer than a twentieth of a second, after the iteration at work; the organ is
+        then as before the frame.
+
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper(iterations=10)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -406,3 +408,20 @@ def test_bad_frames_are_refused_and_change_nothing(organ: vs.Organ) -> None:
     with pytest.raises(VisceraError, match="without dynamics"):
         stepper.velocity = np.zeros_like(before)
     assert (stepper.displacement == before).all()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its Ctrl-C goes to the whole console")
+def test_ctrl_c_ends_a_frame_of_many_iterations() -> None:
+    """The organ is as before the frame: it has not settled after its thousand iterations."""
+    liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=4e3, poisson=0.48), fixed="hilum")
+    stepper = liver.stepper(iterations=1000, settled=1e-300)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(0.2, signal.raise_signal, [signal.SIGINT])
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            stepper.frame(gravity=(0, 0, -9.81), density=1060)
+    finally:
+        timer.cancel()
+        signal.signal(signal.SIGINT, before)
+    assert np.array_equal(stepper.displacement, np.zeros_like(liver.mesh.points))

@@ -8,9 +8,12 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 use viscera_core::Error;
+use viscera_core::body::Body;
 
 /// How often Python's signals are looked at.
 const EVERY: Duration = Duration::from_millis(50);
+
+type Work<'w, T> = dyn FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send + 'w;
 
 /// Runs work on another thread, without the interpreter, and cancels it when a signal, such as Ctrl-C, has raised an
 /// exception.
@@ -18,25 +21,41 @@ pub fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
+    conclude(threads::detached(py, || watched(Box::new(work)))?)
+}
+
+/// The same for work on a body, see [`threads::detached_for`].
+pub fn interruptible_for<T: Send>(
+    py: Python<'_>,
+    body: &Body,
+    work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    conclude(threads::detached_for(py, body, || watched(Box::new(work)))?)
+}
+
+/// The exception that a signal has raised, and the outcome, unless the work broke off.
+fn watched<T: Send>(work: Box<Work<'_, T>>) -> (Option<PyErr>, Option<Result<T, Error>>) {
     let (is_wanted, mut raised) = (AtomicBool::new(true), None);
-    let outcome = threads::detached(py, || {
-        thread::scope(|scope| {
-            let (wanted, (say, done)) = (&is_wanted, channel());
-            // Whoever waits for it is there until it comes.
-            scope.spawn(move || _ = say.send(work(&|| wanted.load(Ordering::Relaxed))));
-            loop {
-                match done.recv_timeout(EVERY) {
-                    Ok(outcome) => return Some(outcome),
-                    Err(RecvTimeoutError::Disconnected) => return None,
-                    Err(RecvTimeoutError::Timeout) => {}
-                }
-                if let Err(error) = Python::attach(|py| py.check_signals()) {
-                    is_wanted.store(false, Ordering::Relaxed);
-                    raised = Some(error);
-                }
+    let outcome = thread::scope(|scope| {
+        let (wanted, (say, done)) = (&is_wanted, channel());
+        // Whoever waits for it is there until it comes.
+        scope.spawn(move || _ = say.send(work(&|| wanted.load(Ordering::Relaxed))));
+        loop {
+            match done.recv_timeout(EVERY) {
+                Ok(outcome) => return Some(outcome),
+                Err(RecvTimeoutError::Disconnected) => return None,
+                Err(RecvTimeoutError::Timeout) => {}
             }
-        })
-    })?;
+            if let Err(error) = Python::attach(|py| py.check_signals()) {
+                is_wanted.store(false, Ordering::Relaxed);
+                raised = Some(error);
+            }
+        }
+    });
+    (raised, outcome)
+}
+
+fn conclude<T>((raised, outcome): (Option<PyErr>, Option<Result<T, Error>>)) -> PyResult<T> {
     match (raised, outcome) {
         (Some(error), _) => Err(error),
         (None, Some(outcome)) => outcome.map_err(convert::error),

@@ -27,6 +27,7 @@ mod weighted_nodes;
 pub use distance::Distance;
 pub use friction::Friction;
 pub use layer::STIFFNESS;
+pub(crate) use pair::STILL;
 pub use pose::Pose;
 pub use shape::Shape;
 pub use solid::Solid;
@@ -248,6 +249,16 @@ impl Contact {
     pub fn keep_pieces(&mut self, are_kept: bool) -> bool {
         self.pairs.iter_mut().for_each(|pair| pair.keep(are_kept));
         !self.pairs.is_empty()
+    }
+
+    /// Has the pieces of contact pairs found anew at the displacement found last, where a surface has moved by more than this
+    /// since they were found, over the reach; whether one has.
+    pub fn renew_pieces(&mut self, far: f64) -> bool {
+        let mut is_old = false;
+        for pair in &mut self.pairs {
+            is_old |= pair.renew(far);
+        }
+        is_old
     }
 
     /// Whether there is friction.

@@ -6,10 +6,9 @@ use crate::contact::layer::Layer;
 use crate::contact::meeting::Meeting;
 use crate::mesh::{Boxes, cross, dot, norm, overlap_of, sub};
 
-/// How far, over the reach, a surface moves before a step finds the pieces anew: where they stay, the iteration ends as
-/// Newton's does. From so many renewals on it is twice as far each time, up to `GONE`, and with friction, which ties the
-/// samples, as far as that at once. If a surface moves that far, the pieces are found anew in any case.
-const STILL: f64 = 1e-5;
+/// How far, over the reach, a surface moves before a step finds the pieces anew. After so many renewals they stay until the
+/// iteration has converged on them, so that it ends as Newton's does, or until a surface has moved as far as `GONE`.
+pub(crate) const STILL: f64 = 1e-5;
 const RENEWALS: usize = 20;
 const GONE: f64 = 0.25;
 
@@ -30,10 +29,19 @@ pub(super) const RULE: [[f64; 3]; 3] = [
 impl ActivePair {
     /// Whether the samples are to be found anew.
     pub(super) fn is_due(&self) -> bool {
-        let beyond = self.renewals.saturating_sub(RENEWALS);
-        let stays = self.is_kept || !self.friction.is_none() && self.renewals >= RENEWALS;
-        let wider = (STILL * 2f64.powi(beyond.min(64) as i32)).min(GONE);
-        self.has_moved(if stays { GONE } else { wider })
+        let stays = self.is_kept || self.renewals >= RENEWALS;
+        self.has_moved(if stays { GONE } else { STILL })
+    }
+
+    /// Has the pieces found anew where the surfaces are, if one has moved by more than this since, over the reach; whether one
+    /// has. With friction, which ties the samples, they stay.
+    pub(in super::super) fn renew(&mut self, far: f64) -> bool {
+        let is_old = self.friction.is_none() && !self.renewed.is_empty() && self.has_moved(far);
+        if is_old {
+            self.renewed.clear();
+            self.is_placed = false;
+        }
+        is_old
     }
 
     /// Whether a surface has moved as far since its samples were found, over the reach.

@@ -1,9 +1,11 @@
 //! One load step: Newton's method from an equilibrium to the one at a higher load, or to an earlier one if the
 //! prediction is valid only up to there.
 
+use super::Newton;
 use super::run::Run;
 use crate::body::Curvature;
 use crate::clock::Instant;
+use crate::contact::STILL;
 use crate::equilibrium::ending::Cut;
 use crate::equilibrium::iteration::{Iteration, Limits, Stop, iterate};
 use crate::number::norm;
@@ -30,6 +32,10 @@ const FORCED: f64 = 0.3;
 const TIGHTEST: f64 = 2e-5;
 const LOOSEST: f64 = 1e-3;
 const IN_CONTACT: f64 = 1e-3;
+
+/// How often an equilibrium on the pieces of contact pairs is followed by newer ones: where they change in number, it may go
+/// on for ever.
+const MOST_PIECES: usize = 60;
 
 /// A load step in progress.
 struct LoadStep<'r, 'a> {
@@ -66,17 +72,9 @@ impl<'a> Run<'a> {
         self.tried = load - self.load;
         self.contact.advance(load);
         self.contact.begin(&self.u);
-        let limits = Limits {
-            tolerance: self.settings.tolerance,
-            steps: self.settings.max_iterations,
-            waits: true,
-        };
         self.spent = 0;
         let mut step = LoadStep::new(self, load);
-        let stop = iterate(&mut step, limits)?;
-        if stop != Stop::Converged {
-            return Err(Cut::Iterations { residual: step.norm, tolerance: limits.tolerance });
-        }
+        step.converge()?;
         if step.run.contact.was_out_of_reach() && step.run.tried > FINE {
             return Err(Cut::OutOfReach);
         }
@@ -114,6 +112,24 @@ impl<'r, 'a> LoadStep<'r, 'a> {
             is_led: run.contact.is_empty() || run.is_led(),
             run,
         }
+    }
+
+    /// Iterates until the residual is small enough on the pieces of contact pairs at the state itself. Where surfaces have
+    /// moved away from the pieces on which it is small, those are found anew: a fixed point, whose every step is shorter.
+    fn converge(&mut self) -> Result<(), Cut> {
+        let Newton { tolerance, max_iterations, .. } = self.run.settings;
+        let limits = Limits { tolerance, steps: max_iterations, waits: true };
+        for _ in 0..MOST_PIECES {
+            if iterate(self, limits)? != Stop::Converged {
+                return Err(Cut::Iterations { residual: self.norm, tolerance });
+            }
+            if !self.run.contact.renew_pieces(STILL) {
+                return Ok(());
+            }
+        }
+        // What the last new pieces began with.
+        self.residual()?;
+        Err(Cut::Iterations { residual: self.norm, tolerance })
     }
 
     /// Relative residual to which conjugate gradients that were chosen automatically solve a linear system: part of what

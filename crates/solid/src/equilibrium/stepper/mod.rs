@@ -316,14 +316,32 @@ impl Stepper {
     /// Values of a wrong length or not finite; gravity without a density; a tangent that no shift makes definite.
     /// The state is then that of the frame before.
     pub fn frame(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
-        if !body.is_shared() {
-            return self.frame_here(body, input);
-        }
-        // Into the thread pool once for the frame, not once for every loop over cells.
-        rayon::join(|| self.frame_here(body, input), || ()).0
+        self.frame_while(body, input, &|| true)
     }
 
-    fn frame_here(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
+    /// As [`frame`](Self::frame), as long as it is wanted: that is asked before every iteration but the first.
+    ///
+    /// # Errors
+    /// Those of [`frame`](Self::frame); [`Error::Cancelled`].
+    pub fn frame_while(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        is_wanted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Frame, Error> {
+        if !body.is_shared() {
+            return self.frame_here(body, input, is_wanted);
+        }
+        // Into the thread pool once for the frame, not once for every loop over cells.
+        rayon::join(|| self.frame_here(body, input, is_wanted), || ()).0
+    }
+
+    fn frame_here(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        is_wanted: &dyn Fn() -> bool,
+    ) -> Result<Frame, Error> {
         let clock = Instant::now();
         input.check(self.grasped.len(), &self.patches, self.displacement.len())?;
         if self.nodal_mass.is_empty() && input.gravity != [0.0; 3] {
@@ -342,7 +360,7 @@ impl Stepper {
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
         let hands = self.places_of_hands(input);
         self.ahead = self.extrapolate(body, &hands);
-        let outcome = self.advance(body, input, deadline);
+        let outcome = self.advance(body, input, deadline, is_wanted);
         let progress = match outcome {
             Ok(progress) => progress,
             Err(error) => {

@@ -7,7 +7,8 @@ use super::pressed::Linearization;
 use super::{Input, Stepper, StepperSettings};
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
-use crate::equilibrium::iteration::{Iteration, Limits, backtrack, iterate};
+use crate::contact::STILL;
+use crate::equilibrium::iteration::{Iteration, Limits, Stop, backtrack, iterate};
 use crate::equilibrium::problem::patch_mean;
 use crate::equilibrium::system::Solved;
 use crate::error::Error;
@@ -107,6 +108,7 @@ struct FrameIteration<'a> {
     body: &'a Body,
     input: &'a Input<'a>,
     deadline: Option<Instant>,
+    is_wanted: &'a dyn Fn() -> bool,
     /// When the last step began.
     began: Instant,
     progress: Progress,
@@ -121,6 +123,9 @@ impl Iteration for FrameIteration<'_> {
     }
 
     fn step(&mut self) -> Result<(), Error> {
+        if self.progress.steps > 0 && !(self.is_wanted)() {
+            return Err(Error::Cancelled);
+        }
         self.began = Instant::now();
         let FrameIteration { stepper, body, input, deadline, progress, .. } = self;
         let (number, before) = (progress.steps, progress.residual);
@@ -166,12 +171,23 @@ impl Stepper {
         body: &Body,
         input: &Input<'_>,
         deadline: Option<Instant>,
+        is_wanted: &dyn Fn() -> bool,
     ) -> Result<Progress, Error> {
         let StepperSettings { settled, iterations, .. } = self.settings;
-        let limits = Limits { tolerance: settled, steps: iterations, waits: false };
+        let mut limits = Limits { tolerance: settled, steps: iterations, waits: false };
         let (began, progress) = (Instant::now(), Progress::new());
-        let mut frame = FrameIteration { stepper: self, body, input, deadline, began, progress };
-        iterate(&mut frame, limits)?;
+        let mut frame =
+            FrameIteration { stepper: self, body, input, deadline, is_wanted, began, progress };
+        // A frame is settled only if it is on the pieces of contact pairs where it has ended.
+        while iterate(&mut frame, limits)? == Stop::Converged
+            && frame.stepper.contact.renew_pieces(STILL)
+        {
+            frame.progress.residual = frame.stepper.measure(body, frame.progress.is_cut);
+            limits.steps = iterations - frame.progress.steps;
+            if frame.is_late() {
+                break;
+            }
+        }
         Ok(frame.progress)
     }
 
