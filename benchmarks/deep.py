@@ -27,9 +27,9 @@ from depth import DEPTHS, _gap
 from machine import describe
 
 import viscera as vs
-from viscera.check import Full, allowed_error, surface_points, unit_vectors
-from viscera.galerkin import GalerkinAnswer, HyperReducedModel
 from viscera.mesh import Floats
+from viscera.reduced.check import Full, allowed_error, surface_points, unit_vectors
+from viscera.reduced.galerkin import GalerkinAnswer, HyperReducedModel
 
 ORDER, TOLERANCE, STEPS, TRIES = 4, 0.01, 30, 3
 

@@ -18,9 +18,9 @@ import numpy as np
 from machine import describe
 
 import viscera as vs
-from viscera.check import Full, allowed_error, surface_points, unit_vectors
+from viscera.reduced.check import Full, allowed_error, surface_points, unit_vectors
+from viscera.reduced.touch import load_bytes
 from viscera.study.case import middle
-from viscera.touch import load_bytes
 
 DEPTHS = (0.05, 0.10, 0.15)
 LOOPS = 10

@@ -24,8 +24,8 @@ import numpy as np
 from machine import describe
 
 import viscera as vs
-from viscera.check import PATIENCE, surface_points, unit_vectors
-from viscera.galerkin import Galerkin, HyperReducedModel
+from viscera.reduced.check import PATIENCE, surface_points, unit_vectors
+from viscera.reduced.galerkin import Galerkin, HyperReducedModel
 from viscera.supported import ELEMENTS
 
 Array = np.ndarray

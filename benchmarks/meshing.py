@@ -15,7 +15,7 @@ import numpy as np
 from machine import ROOT, describe
 
 import viscera as vs
-from viscera.meshing import least_angles
+from viscera.scans.meshing import least_angles
 
 RADII, VOXELS = (8.0, 14.0), 40
 CLEAVER = "Cleaver, 8 voxels in a larger one     28.5 k           5.8      15   -1.1   -5.9      57"

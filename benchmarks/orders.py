@@ -18,7 +18,7 @@ from machine import describe
 from rings import orders, pade
 
 import viscera as vs
-from viscera.check import Full, surface_points, unit_vectors
+from viscera.reduced.check import Full, surface_points, unit_vectors
 
 ORDERS = (4, 5, 6, 7)
 

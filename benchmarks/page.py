@@ -19,7 +19,7 @@ from machine import describe
 
 import viscera as vs
 from viscera import _core
-from viscera.case import Case
+from viscera.cases.case import Case
 from viscera.viewer import Server, page, serve
 from viscera.viewer.live import LiveCase, live_case
 

@@ -22,6 +22,7 @@ from machine import ROOT, describe
 
 import viscera as vs
 from viscera.mesh import Floats
+from viscera.reduced.probe import CONTACT_ERROR
 
 SEED = {"study": 19, "tuning": 91}
 REACH = 0.06
@@ -215,7 +216,7 @@ def main() -> None:
     """Print the study, or the times."""
     print(describe(), flush=True)
     touch, (n, kind) = opened(), asked(200)
-    print(f"{touch}, patch {1e3 * touch.radius:.1f} mm, contact term of the estimate {vs.probe.CONTACT_ERROR:.0%}")
+    print(f"{touch}, patch {1e3 * touch.radius:.1f} mm, contact term of the estimate {CONTACT_ERROR:.0%}")
     for friction in (0.0, 0.3):
         print(ticks(touch, friction), flush=True)
     print(table(kept(touch, n, kind), n))

@@ -17,8 +17,8 @@ from machine import describe
 
 import viscera as vs
 from viscera._core import Patch, touch_series
-from viscera.check import PATIENCE, unit_vectors
 from viscera.mesh import Floats
+from viscera.reduced.check import PATIENCE, unit_vectors
 
 DEPTH, RING, ANGLES, DIRECTIONS = 0.15, 0.08, (0.0, 30.0, 45.0), 14
 

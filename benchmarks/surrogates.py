@@ -20,7 +20,7 @@ import numpy as np
 from machine import describe
 
 import viscera as vs
-from viscera.check import PATIENCE, surface_points, unit_vectors
+from viscera.reduced.check import PATIENCE, surface_points, unit_vectors
 
 Array = np.ndarray
 Predict = Callable[[Array, Array], tuple[Array, Array]]

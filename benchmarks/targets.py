@@ -20,9 +20,9 @@ from machine import describe
 from trust import DEPTHS, Case, study
 
 import viscera as vs
-from viscera.check import Full, surface_points, unit_vectors
 from viscera.mesh import Floats, Indices
-from viscera.parts import boundary, centroid_weights
+from viscera.reduced.check import Full, surface_points, unit_vectors
+from viscera.reduced.parts import boundary, centroid_weights
 
 TARGETS, CELLS = 5, 8
 CONTACTS = 50

@@ -20,7 +20,7 @@ from fingers import TICKS, hand, pairs
 from machine import ROOT, describe
 
 import viscera as vs
-from viscera.galerkin import HyperReducedModel
+from viscera.reduced.galerkin import HyperReducedModel
 
 MODEL = ROOT / "out" / "anterior.viscera"
 PAIRS = 16

@@ -25,8 +25,8 @@ from trust import DEPTHS, Case, bodies, laws
 
 import viscera as vs
 from viscera import defaults
-from viscera.check import PATIENCE, unit_vectors
 from viscera.mesh import Floats, Indices
+from viscera.reduced.check import PATIENCE, unit_vectors
 from viscera.study.case import middle
 
 BODIES = ("liver, left lobe", "artery", "block with a tunnel", "bar", "plate", "ball", "hook")

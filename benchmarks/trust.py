@@ -25,9 +25,9 @@ from machine import describe
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera.check import Full, surface_points, unit_vectors
 from viscera.law import Law
 from viscera.mesh import Floats
+from viscera.reduced.check import Full, surface_points, unit_vectors
 from viscera.study.case import middle
 
 Condition = Callable[[Floats], NDArray[np.bool_]]

@@ -7,7 +7,7 @@ finger's place by what the other does. The Galerkin model of both contacts holds
 import numpy as np
 
 import viscera as vs
-from viscera.picture import draw_side_by_side
+from viscera.output.picture import draw_side_by_side
 
 mesh = vs.organs.beam()
 beam = vs.Organ(mesh, vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp", element="P1")

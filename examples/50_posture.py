@@ -11,7 +11,7 @@ would ignore the weight that acted during the scan.
 import numpy as np
 
 import viscera as vs
-from viscera.picture import draw
+from viscera.output.picture import draw
 
 BACK, LEFT = np.array([0.0, 9.81, 0.0]), np.array([9.81, 0.0, 0.0])  # m/s^2, in the patient's axes
 DENSITY = 1060.0

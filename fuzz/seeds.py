@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import viscera as vs
-from viscera.case import Case
+from viscera.cases.case import Case
 from viscera.viewer.live import live_case
 
 FOLDER = Path(__file__).parent / "corpus"

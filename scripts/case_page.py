@@ -9,13 +9,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from textwrap import fill
 
-from viscera import entries, law, material_schema, scene_schema, schema
+from viscera import law
+from viscera.cases import entries, material_schema, scene_schema, schema
 from viscera.quantity import Choice
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "case-file.md"
 HEAD = """# The case file
 
-<!-- written by scripts/case_page.py from python/viscera/schema.py and scene_schema.py -->
+<!-- written by scripts/case_page.py from python/viscera/cases/schema.py and scene_schema.py -->
 
 A case file is a [TOML](https://toml.io) file that describes an organ, its loads and its reduction, or a
 [scene](#a-scene) of several organs. This page lists every table, key and possible value. A file with anything else in

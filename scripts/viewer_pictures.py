@@ -14,7 +14,7 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 import viscera as vs
-from viscera.case import read_case
+from viscera.cases.case import read_case
 from viscera.viewer import serve, serve_live
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -17,24 +17,23 @@ from viscera import compiled  # noqa: F401 - before whatever needs it
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
-from viscera.answer import Answer
-from viscera.bond import Bond
-from viscera.case import Case
+from viscera.boundary.bond import Bond
+from viscera.boundary.elastic_support import ElasticSupport
+from viscera.boundary.spring import Spring
+from viscera.cases.case import Case
+from viscera.cases.scene_case import SceneCase
+from viscera.cases.scene_case import read_any as case
 from viscera.cluster import sweep
 from viscera.comparison import compare
-from viscera.contact import Contact, Tool
-from viscera.contact_pair import ContactPair
+from viscera.contact.forceps import Forceps
+from viscera.contact.instrument import Instrument
+from viscera.contact.pair import ContactPair
+from viscera.contact.shapes import Box, Capsule, HalfSpace, Shape, Sphere
+from viscera.contact.tool import Contact, Tool
 from viscera.deformed import Deformed, Moved, PointValues
-from viscera.dynamics import BackwardEuler, Newmark, Prony
-from viscera.elastic_support import ElasticSupport
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
 from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
-from viscera.forceps import Forceps
-from viscera.frame import Frame
-from viscera.hand import Hand
-from viscera.image_fibres import image_fibres
-from viscera.instrument import Instrument
 from viscera.law import (
     ArrudaBoyce,
     Corotated,
@@ -51,24 +50,25 @@ from viscera.law import (
     Yeoh,
 )
 from viscera.mesh import Mesh, mesh, read
-from viscera.meshing import mesh_surface
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
-from viscera.probe import Felt, Probes, RigidProbe
+from viscera.reduced.answer import Answer
+from viscera.reduced.probe import Felt, Probes, RigidProbe
+from viscera.reduced.touch import Touch, load
+from viscera.reduced.vary import Vary
 from viscera.registration import Registered
-from viscera.scan import Scan, scan
+from viscera.scans.image_fibres import image_fibres
+from viscera.scans.meshing import mesh_surface
+from viscera.scans.scan import Scan, scan
 from viscera.scene import Scene
-from viscera.scene_case import SceneCase
-from viscera.scene_case import read_any as case
 from viscera.series import write_series
-from viscera.shapes import Box, Capsule, HalfSpace, Shape, Sphere
 from viscera.solver import ConjugateGradients
-from viscera.spring import Spring
 from viscera.state import State
-from viscera.stepper import Stepper
+from viscera.stepping.dynamics import BackwardEuler, Newmark, Prony
+from viscera.stepping.frame import Frame
+from viscera.stepping.hand import Hand
+from viscera.stepping.stepper import Stepper
 from viscera.stress import principal
-from viscera.touch import Touch, load
-from viscera.vary import Vary
 
 __all__ = [
     "Answer",

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from viscera.atomic import replacing
+from viscera.boundary.loads import prescribed
 from viscera.display import Pictured, Tabled
 from viscera.errors import VisceraError, did_you_mean
+from viscera.files.atomic import replacing
 from viscera.law import Corotated, Law, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
-from viscera.loads import prescribed
 from viscera.mesh import Floats, Mesh
 from viscera.organ import Organ
 from viscera.progress import Progress, shown
@@ -170,7 +170,7 @@ class Comparison(Pictured, Tabled):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Draw the deformed organ of every model over the wireframe at rest. `path`: write a PNG file there."""
-        from viscera.picture import draw_side_by_side
+        from viscera.output.picture import draw_side_by_side
 
         fields = {name: run.state.displacement for name, run in self.runs.items()}
         return draw_side_by_side(self.mesh.points, self.mesh.surface, fields, path=path)

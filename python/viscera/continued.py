@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viscera.contact import Tool
+from viscera.contact.tool import Tool
 from viscera.mesh import Mesh
 from viscera.state import State
 

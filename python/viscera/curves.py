@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viscera.atomic import replacing
 from viscera.errors import VisceraError
-from viscera.filekind import check_picture
+from viscera.files.atomic import replacing
 from viscera.mesh import Floats
+from viscera.output.kind import check_picture
 from viscera.quantity import Choice, numbers_of, refused
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def draw(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from viscera.picture import INK, PAPER
+    from viscera.output.picture import INK, PAPER
 
     check_picture(path)
     figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")

@@ -10,23 +10,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from viscera import _core, statefile
+from viscera import _core
+from viscera.boundary.ties import Tied, Ties
 from viscera.errors import VisceraError
+from viscera.files.mesh import EDGES
 from viscera.mesh import Floats, Mesh
-from viscera.meshfile import EDGES
+from viscera.output import state as statefile
 from viscera.quantity import Choice, numbers_of, refused
 from viscera.select import has_words
 from viscera.select import point as point_of
 from viscera.stress import STRAINS, STRESSES, Response, corner_values, pressure, von_mises
-from viscera.ties import Tied, Ties
 
 if TYPE_CHECKING:
     import os
 
-    from viscera.bond import Bond
-    from viscera.grid import Field
+    from viscera.boundary.bond import Bond
     from viscera.organ import Organ
-    from viscera.scan import Scan
+    from viscera.scans.grid import Field
+    from viscera.scans.scan import Scan
 
 
 class Deformed:
@@ -274,7 +275,7 @@ class Deformed:
         inverse: bool = False,
         margin: float | None = None,
     ) -> Field:
-        """The displacement at the voxels of an image, as a `Field`; arguments as in `viscera.grid.on_grid`.
+        """The displacement at the voxels of an image, as a `Field`; arguments as in `viscera.scans.grid.on_grid`.
 
         image: a file, a `Scan`, or an image of SimpleITK.
         axes: world axes of the mesh, "RAS" or "LPS"; by default those of the scan that it was made from, else "RAS".
@@ -287,7 +288,7 @@ class Deformed:
         >>> field.displacement.shape, int(field.inside.sum())
         ((28, 12, 12, 3), 320)
         """
-        from viscera.grid import Grid, axes_of, on_grid
+        from viscera.scans.grid import Grid, axes_of, on_grid
 
         mesh, displacement = self._seen()
         places = Grid.of(image, axes_of(mesh, axes))

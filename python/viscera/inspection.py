@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viscera import _core, meshfile
+from viscera import _core
 from viscera.errors import VisceraError
-from viscera.meshfile import RawMesh
+from viscera.files import mesh as meshfile
+from viscera.files.mesh import RawMesh
 from viscera.quantity import path_of
 
 if TYPE_CHECKING:

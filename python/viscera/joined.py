@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera import law as laws
+from viscera.boundary.ties import Ties
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.organ import Organ
-from viscera.ties import Ties
 
 
 def numbers_of(meshes: Mapping[str, Mesh]) -> dict[str, NDArray[np.int64]]:

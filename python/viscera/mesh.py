@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from viscera import _core, meshfile
+from viscera import _core
 from viscera.display import Pictured
 from viscera.errors import VisceraError
+from viscera.files import mesh as meshfile
+from viscera.files.mesh import RawMesh
 from viscera.inspection import arrays, doubts, faults, implausible_size, listed
 from viscera.members import indices_of, listed_in, members, part_of_set, sets_within, words_of
-from viscera.meshfile import RawMesh
 from viscera.quantity import Number, hides_boolean, path_of, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
@@ -291,7 +292,7 @@ class Mesh(Pictured):
         >>> import viscera as vs
         >>> figure = vs.organs.beam().plot("beam.png")
         """
-        from viscera.picture import draw_rest
+        from viscera.output.picture import draw_rest
 
         parts = {name: _core.surface(self.points, self.cells[cells]) for name, cells in self.cell_sets.items()}
         return draw_rest(self.points, self.surface, fixed=np.empty(0, dtype=np.uint32), parts=parts, path=path)

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import defaults, navigation
+from viscera.boundary.loads import Density, Displacements, Forces, Pressures, Tractions, are_pairs, by_place
+from viscera.boundary.ties import Tied
 from viscera.deformed import Moved
-from viscera.dynamics import Integration, Prony
 from viscera.errors import VisceraError
-from viscera.frame import Frame
 from viscera.law import Law
-from viscera.loads import Density, Displacements, Forces, Pressures, Tractions, are_pairs, by_place
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.navigation import Unloaded
 from viscera.progress import Progress, shown
@@ -24,11 +23,12 @@ from viscera.reducible import Reducible
 from viscera.solver import Solver
 from viscera.state import State
 from viscera.statics import Statics, displacement_of
-from viscera.stepper import Stepper, settings_of
-from viscera.ties import Tied
+from viscera.stepping.dynamics import Integration, Prony
+from viscera.stepping.frame import Frame
+from viscera.stepping.stepper import Stepper, settings_of
 
 if TYPE_CHECKING:
-    from viscera.case import Case
+    from viscera.cases.case import Case
     from viscera.registration import Registered
 
 
@@ -291,7 +291,7 @@ class Organ(Statics, Reducible):
         >>> case.organ().solve(**case.loading()).is_converged
         True
         """
-        from viscera import casefile
+        from viscera.cases import casefile
 
         return casefile.write(self, path, loads=loads, scan=scan, settings=settings, reduction=reduction)
 

@@ -174,7 +174,7 @@ class Pgd:
         The folder is made if it is missing, the one that it lies in is not.
         Point data: `F_p` (n, 3) and `G_p` (n,) [m] of each order p that has a pair i; G is 0 off the positions.
         """
-        from viscera.paraview import in_folder, write_series
+        from viscera.output.paraview import in_folder, write_series
 
         listing, frames = in_folder(folder, "modes.pvd"), []
         for i in range(max(self.counts)):
@@ -191,7 +191,7 @@ class Pgd:
 
         folder: as in `write`.
         """
-        from viscera.paraview import in_folder, write_series
+        from viscera.output.paraview import in_folder, write_series
 
         frames = [(float(k), {"displacement": self.displacement(s, a)}) for k, s in enumerate(path)]
         return write_series(in_folder(folder, "path.pvd"), self.mesh, frames)

@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 
 from viscera import _core, defaults, gpu
-from viscera.checkpoint import Batches, Checkpoint, fingerprint
+from viscera.boundary.support import require_held
 from viscera.errors import VisceraError
 from viscera.law import StrainEnergy
 from viscera.mesh import Floats, Indices, Where
-from viscera.parts import notes
 from viscera.pgd import Pgd, separate
-from viscera.preload import preload_of
 from viscera.progress import Progress, shown
 from viscera.quantity import Choice, Flag, Number, Whole, refused
+from viscera.reduced.checkpoint import Batches, Checkpoint, fingerprint
+from viscera.reduced.parts import notes
+from viscera.reduced.preload import preload_of
+from viscera.reduced.touch import Touch
+from viscera.reduced.vary import Vary
 from viscera.select import length
 from viscera.state import State
 from viscera.statics import TOLERANCE
-from viscera.support import require_held
 from viscera.supported import Supported
-from viscera.touch import Touch
-from viscera.vary import Vary
 
 log = logging.getLogger("viscera")
 
@@ -127,7 +127,7 @@ class Reducible(Supported):
         with nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, words, family) as kept:
             batches: _core.Batches | None = kept
             if executor is not None:
-                from viscera.offline import Finished, Offline
+                from viscera.reduced.offline import Finished, Offline
 
                 offline = Offline(organ, vary and vary.on(self.mesh), settings)
                 batches = Finished(offline.batches(executor, kept, progress))

@@ -11,23 +11,23 @@ import numpy as np
 
 from viscera import _core
 from viscera import law as laws
-from viscera.bond import Bond, Pieces
-from viscera.contact import Tool, tools_of
-from viscera.contact_pair import ContactPair, refuse_overlap, refuse_same
+from viscera.boundary.bond import Bond, Pieces
+from viscera.boundary.loads import faces_within
+from viscera.boundary.spring import Spring
+from viscera.boundary.ties import Tied, Ties
+from viscera.contact.pair import ContactPair, refuse_overlap, refuse_same
+from viscera.contact.shapes import AnyShape
+from viscera.contact.tool import Tool, tools_of
 from viscera.errors import VisceraError, did_you_mean
 from viscera.joined import joined_law, joined_mesh, law_of, numbers_of, renumbered
-from viscera.loads import faces_within
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.organ import Organ, require_same_cells
 from viscera.quantity import refuse_twice, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
-from viscera.shapes import AnyShape
-from viscera.spring import Spring
-from viscera.ties import Tied, Ties
 
 if TYPE_CHECKING:
-    from viscera.scene_case import SceneCase
+    from viscera.cases.scene_case import SceneCase
 
 LEAST_REACH = 1e-3
 """Smallest reach of a contact pair, over the diagonal of its smaller organ."""
@@ -253,7 +253,7 @@ class Scene(Organ):
         >>> case.organ().solve(**case.loading()).is_converged
         True
         """
-        from viscera import scene_file
+        from viscera.cases import scene_file
 
         return scene_file.write(self, path, loads=loads, settings=settings)
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from viscera.errors import VisceraError, did_you_mean
-from viscera.meshfile import METRES
+from viscera.files.mesh import METRES
 from viscera.quantity import Number, brief, refused, vector
 
 Floats = NDArray[np.float64]

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from viscera import statefile
-from viscera.atomic import replacing
 from viscera.deformed import Deformed
 from viscera.errors import VisceraError
+from viscera.files.atomic import replacing
 from viscera.mesh import Indices
+from viscera.output import state as statefile
 from viscera.quantity import Number, path_of, refused
 
 MOST_SHAPES = 256
@@ -47,7 +47,7 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
         ):
             raise VisceraError(f"moment {index} is one of another mesh; write a series for each")
     if target.suffix.lower() == ".pvd":
-        from viscera import paraview  # and with it meshio, which takes its time
+        from viscera.output import paraview
 
         frames: list[paraview.Frame] = []
         for time, (_, shape), (_, displacement) in zip(times, moments, seen, strict=True):

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from viscera import _core
-from viscera.contact import Contact, Tool, contacts
-from viscera.contact_pair import ContactPair, unknown_contact
+from viscera.boundary.loads import Where
+from viscera.contact.pair import ContactPair, unknown_contact
+from viscera.contact.shapes import AnyShape
+from viscera.contact.tool import Contact, Tool, contacts
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
-from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Choice
-from viscera.shapes import AnyShape
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -194,7 +194,7 @@ class State(Deformed, Pictured):
         >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
         >>> figure = state.plot("bent.png", colour="von_mises")
         """
-        from viscera.picture import COLOURS, draw
+        from viscera.output.picture import COLOURS, draw
 
         Choice([name for name in COLOURS if name != "band"])(colour, "the colour")
         values = None if colour == "displacement" else getattr(self, colour)("nodes")

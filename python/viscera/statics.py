@@ -9,11 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import gpu
-from viscera.contact import Tool, tools_of
-from viscera.continued import anchored
-from viscera.errors import NotConverged, VisceraError
-from viscera.frame import Frame
-from viscera.loads import (
+from viscera.boundary.loads import (
     Density,
     Displacements,
     Forces,
@@ -24,14 +20,18 @@ from viscera.loads import (
     prescribed,
     pressed_faces,
 )
+from viscera.boundary.support import require_held
+from viscera.contact.shapes import AnyShape
+from viscera.contact.tool import Tool, tools_of
+from viscera.continued import anchored
+from viscera.errors import NotConverged, VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.path import Expansion, Path
 from viscera.progress import Progress, shown
 from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
-from viscera.shapes import AnyShape
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State, refuse_other_points
-from viscera.support import require_held
+from viscera.stepping.frame import Frame
 from viscera.supported import Supported
 
 STEPS = Whole(1, 10_000)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from viscera import _core
 from viscera.errors import VisceraError
+from viscera.files.mesh import EDGES
 from viscera.mesh import Floats, Mesh
-from viscera.meshfile import EDGES
 from viscera.quantity import Choice
 
 STRESSES = ("cauchy", "pk1", "pk2")

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from viscera import _core, defaults
-from viscera.contact import Tool
+from viscera.boundary.support import fixed_nodes, supports_of
+from viscera.boundary.ties import Tied, joined
+from viscera.contact.tool import Tool
 from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.law import Law, Several
@@ -18,8 +20,6 @@ from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Choice, Number, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
-from viscera.support import fixed_nodes, supports_of
-from viscera.ties import Tied, joined
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -145,7 +145,7 @@ class Supported(Pictured):
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> figure = beam.plot("beam.png")
         """
-        from viscera.picture import draw_rest
+        from viscera.output.picture import draw_rest
 
         mesh = self.mesh
         parts = {name: _core.surface(mesh.points, mesh.cells[cells]) for name, cells in mesh.cell_sets.items()}

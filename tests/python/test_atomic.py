@@ -15,7 +15,7 @@ from time import time
 import pytest
 
 import viscera as vs
-from viscera.atomic import STALE, replacing, writable
+from viscera.files.atomic import STALE, replacing, writable
 
 
 def put(target: Path, text: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import viscera as vs
-from viscera.case import read_case
+from viscera.cases.case import read_case
 
 GOOD = """
 mesh = "bar.vtu"

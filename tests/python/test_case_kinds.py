@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import viscera as vs
-from viscera.case import read_case
+from viscera.cases.case import read_case
 
 HEAD = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n'
 MADE = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "NeoHookean", poisson = 0.3, '

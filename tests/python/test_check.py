@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.check import Check, Row, _summary, allowed_error, check, surface_points, unit_vectors
+from viscera.reduced.check import Check, Row, _summary, allowed_error, check, surface_points, unit_vectors
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_the_limits() -> None:
 def test_a_truth_that_newton_cannot_find_is_reported_not_dropped(
     touch: vs.Touch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("viscera.check.PATIENCE", {"max_iterations": 1, "smallest_step": 0.9})
+    monkeypatch.setattr("viscera.reduced.check.PATIENCE", {"max_iterations": 1, "smallest_step": 0.9})
     result = check(touch, touches=2, depths=["4%"])
     assert [row.is_converged for row in result.rows] == [False, False]
     assert result.rows[0].displacement_error is None

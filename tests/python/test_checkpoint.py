@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import viscera as vs
-from viscera.checkpoint import RECORD, Checkpoint
+from viscera.reduced.checkpoint import RECORD, Checkpoint
 
 SETTINGS: dict[str, Any] = {"order": 3, "depth": 0.03, "radius": 0.06}
 
@@ -107,7 +107,7 @@ def test_ctrl_c_while_finished_batches_are_read_stops_before_any_is_solved(
     def interrupted(_: Any) -> list[bytes]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("viscera.checkpoint.Batches.finished", interrupted)
+    monkeypatch.setattr("viscera.reduced.checkpoint.Batches.finished", interrupted)
     stages: set[str] = set()
     with pytest.raises(KeyboardInterrupt):
         organ.reduce(

@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera import _core, statefile
+from viscera import _core
 from viscera.cli import VERBS, demo, main
 from viscera.cli import touch as touch_verb
+from viscera.output import state as statefile
 from viscera.select import length, offset
 from viscera.select import point as point_of
 from viscera.study import liver as paper
@@ -150,7 +151,7 @@ def test_a_format_that_no_solution_fits_is_refused_before_the_work(
 def test_a_package_that_xdmf_needs_is_named_before_the_work(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("viscera.statefile.find_spec", lambda name: None)
+    monkeypatch.setattr("viscera.output.state.find_spec", lambda name: None)
     monkeypatch.setattr(vs.Organ, "solve", lambda *_, **__: pytest.fail("it was solved first"))
     code, out, err = run("solve", "case.toml", "-o", "out.xdmf", capsys=capsys)
     assert (code, out) == (2, "")

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import viscera as vs
-from viscera import picture
 from viscera.cli import main
+from viscera.output import picture
 
 CASE = """
 mesh = "bar.vtu"

@@ -9,6 +9,7 @@ import pytest
 
 import viscera as vs
 from viscera.cli import main
+from viscera.reduced.touch import load_bytes
 from viscera.viewer import Server, page
 
 PUSH = ("--push", "0", "0", "-1e-3")
@@ -102,7 +103,7 @@ def test_a_decimal_comma_is_named(folder: Path, words: tuple[str, ...], capsys: 
 
 def test_the_viewer_begins_at_a_value(folder: Path, monkeypatch: pytest.MonkeyPatch, built: None) -> None:
     served = []
-    monkeypatch.setattr(Server, "run", lambda server: served.append(vs.touch.load_bytes(server._files[page.MODEL])))
+    monkeypatch.setattr(Server, "run", lambda server: served.append(load_bytes(server._files[page.MODEL])))
     path = str(folder / "radius.viscera")
     assert main(["view", path, "--no-browser", "--quiet", "--value", "80mm"]) == 0
     assert served[0].radius == 0.08

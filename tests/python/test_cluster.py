@@ -19,9 +19,9 @@ import pytest
 
 import viscera as vs
 from viscera import cluster
-from viscera.checkpoint import Batches, Checkpoint
-from viscera.offline import Offline
-from viscera.regions import positions_of, regions_of
+from viscera.reduced.checkpoint import Batches, Checkpoint
+from viscera.reduced.offline import Offline
+from viscera.reduced.regions import positions_of, regions_of
 from viscera.study import beam, curves
 
 PLACE = "top and x > 60%"

@@ -67,7 +67,7 @@ def shapes(element: str, at: Array) -> tuple[Array, Array]:
     unit = np.broadcast_to(np.eye(4), (len(at), 4, 4))
     if element != "P2":
         return at, unit
-    edges = np.array(vs.meshfile.EDGES)
+    edges = np.array(vs.files.mesh.EDGES)
     a, b = edges.T
     slopes = np.concatenate(
         [(4 * at - 1)[:, :, None] * unit, 4 * (at[:, a, None] * unit[:, b] + at[:, b, None] * unit[:, a])], 1

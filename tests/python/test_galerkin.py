@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.galerkin import Galerkin
+from viscera.reduced.galerkin import Galerkin
 
 LEFT, RIGHT = (0.3, 0.05, 0.1), (0.15, 0.04, 0.1)
 PUSHES = np.array([[0.004, 0.0, -0.010], [-0.003, 0.002, -0.012]])

@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera import grid
 from viscera.cli import main
+from viscera.scans import grid
 
 sitk = pytest.importorskip("SimpleITK", reason="images need SimpleITK: pip install viscera[scan]")
 
@@ -288,7 +288,7 @@ def test_a_registered_organ_deforms_the_scan_by_its_shape_alone(
             b"<!-- axes: RAS, metres, at rest; by the displacement to the axes of the intervention -->"
             in (tmp_path / "found.vtu").read_bytes()
         )
-        assert vs.statefile.read(tmp_path / "found.vtu")[0].axes == "RAS"
+        assert vs.output.state.read(tmp_path / "found.vtu")[0].axes == "RAS"
 
 
 def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: Path) -> None:

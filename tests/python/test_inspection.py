@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera import meshfile
 from viscera.errors import VisceraError
+from viscera.files import mesh as meshfile
+from viscera.files.mesh import RawMesh
 from viscera.inspection import inspect, report
-from viscera.meshfile import RawMesh
 
 
 def test_the_report_of_a_sound_file(bar: vs.Mesh, tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
-"""The files of a crate, and the folders in it, know each other in one direction: there are no circles."""
+"""The files of a crate, or of the package, and the folders in it know each other in one direction: no circles."""
 
+import ast
 import graphlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from os.path import relpath
 from pathlib import Path
 
 import pytest
@@ -69,10 +71,40 @@ def arrows(source: Path) -> dict[Module, set[Module]]:
     return known
 
 
-def rooms(source: Path) -> dict[Module, dict[str, set[str]]]:
+def imports(source: Path) -> dict[Module, set[Module]]:
+    """Which modules each module of a package imports when it is imported: not in functions, not for types alone."""
+    files = {p.relative_to(source).with_suffix("").parts: p for p in source.rglob("*.py")}
+    return {here: set(imported(path, source.name, files)) for here, path in files.items()}
+
+
+def imported(path: Path, package: str, files: Iterable[Module]) -> Iterator[Module]:
+    """The modules among `files` that a file imports as it is imported."""
+    for statement in ast.parse(path.read_text()).body:
+        if not isinstance(statement, ast.ImportFrom):
+            continue
+        head, *inner = (statement.module or "").split(".")
+        if head == package:
+            for name in statement.names:
+                whole = (*inner, name.name)
+                yield whole if whole in files else tuple(inner)
+
+
+def module_imports(source: Path) -> dict[Module, set[Module]]:
+    """Which modules each module of the page imports for more than its types."""
+    files = {p.relative_to(source).with_suffix("").parts: p for p in source.rglob("*.ts")}
+    loads = re.compile(r'^import (?!type )[^;]*?from "(\.[^"]+)"', re.MULTILINE)
+    found: dict[Module, set[Module]] = {here: set() for here in files}
+    for here, path in files.items():
+        for name in loads.findall(path.read_text()):
+            other = Path(relpath(path.parent / name, source)).parts
+            found[here] |= {other} & files.keys()
+    return found
+
+
+def rooms(known: dict[Module, set[Module]]) -> dict[Module, dict[str, set[str]]]:
     """In each folder, which of its files and folders name which others of it."""
     found: dict[Module, dict[str, set[str]]] = {}
-    for here, others in arrows(source).items():
+    for here, others in known.items():
         for other in others:
             shared = next((k for k, (a, b) in enumerate(zip(here, other, strict=False)) if a != b), None)
             if shared is not None:
@@ -82,11 +114,25 @@ def rooms(source: Path) -> dict[Module, dict[str, set[str]]]:
 
 @pytest.mark.parametrize("source", CRATES, ids=lambda source: source.parent.name)
 def test_no_files_know_each_other_both_ways(source: Path) -> None:
-    for room, names in rooms(source).items():
+    refuse_circles(source.parent.name, arrows(source))
+
+
+def test_the_package_imports_itself_in_one_direction() -> None:
+    refuse_circles("viscera", imports(ROOT / "python" / "viscera"))
+
+
+def test_the_page_imports_itself_in_one_direction() -> None:
+    known = module_imports(ROOT / "viewer" / "src")
+    assert any(known.values())
+    refuse_circles("viewer", known)
+
+
+def refuse_circles(name: str, known: dict[Module, set[Module]]) -> None:
+    for room, names in rooms(known).items():
         try:
             tuple(graphlib.TopologicalSorter(names).static_order())
         except graphlib.CycleError as circle:
-            pytest.fail(f"circle in {'/'.join((source.parent.name, *room))}: {' -> '.join(circle.args[1])}")
+            pytest.fail(f"circle in {'/'.join((name, *room))}: {' -> '.join(circle.args[1])}")
 
 
 def test_a_circle_is_found(tmp_path: Path) -> None:
@@ -95,4 +141,13 @@ def test_a_circle_is_found(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "mod.rs").write_text("mod inner;\n")
     (tmp_path / "b" / "inner.rs").write_text("fn f() -> crate::a::A { todo!() }\n")
-    assert rooms(tmp_path) == {(): {"a": {"b"}, "b": {"a"}}}
+    assert rooms(arrows(tmp_path)) == {(): {"a": {"b"}, "b": {"a"}}}
+
+
+def test_a_circle_of_the_package_is_found(tmp_path: Path) -> None:
+    package = tmp_path / "viscera"
+    (package / "b").mkdir(parents=True)
+    (package / "a.py").write_text("from viscera.b import inner\n")
+    (package / "b" / "inner.py").write_text("from viscera.a import A\n\ndef f():\n    from viscera.c import later\n")
+    (package / "c.py").write_text("from viscera.a import A\n")
+    assert rooms(imports(package)) == {(): {"a": {"b"}, "b": {"a"}, "c": {"a"}}}

@@ -15,7 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 
 import viscera as vs
 from viscera import _core
-from viscera.case import Case, read_case
+from viscera.cases.case import Case, read_case
 from viscera.viewer import Server, page
 from viscera.viewer.live import converse, live_case, matched
 

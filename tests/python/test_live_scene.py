@@ -14,7 +14,7 @@ from websockets.sync.client import ClientConnection, connect
 
 import viscera as vs
 from viscera import cli
-from viscera.scene_case import SceneCase
+from viscera.cases.scene_case import SceneCase
 from viscera.viewer import Server, page, serve_live
 from viscera.viewer.live import Reply, converse
 from viscera.viewer.scene import live_scene

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera.meshing import least_angles
+from viscera.scans.meshing import least_angles
 
 VOXEL = 0.003
 
@@ -151,3 +151,8 @@ def test_a_ball_with_a_hole_is_closed() -> None:
 def test_surfaces_that_are_none_are_refused(surface: object, words: str) -> None:
     with pytest.raises(vs.VisceraError, match=words):
         vs.mesh_surface(surface, edge=0.01)  # type: ignore[arg-type]
+
+
+def test_progress_that_cannot_be_called_is_refused() -> None:
+    with pytest.raises(vs.VisceraError, match=r"progress must be a function of .done, total, stage., or None, got 3"):
+        vs.mesh_surface((np.zeros((3, 3)), np.array([[0, 1, 2]])), edge=0.01, progress=3)  # type: ignore[arg-type]

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera import meshing
-from viscera.meshing import edge_means, least_angles
+from viscera.scans import meshing
+from viscera.scans.meshing import edge_means, least_angles
 
 VOXEL = 0.003
 HUMAN = "scans/totalsegmentator_example_seg.nii.gz"

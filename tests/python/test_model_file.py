@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.touch import load_bytes
+from viscera.reduced.touch import load_bytes
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "tests" / "data"

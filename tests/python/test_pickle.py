@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.shapes import AnyShape
+from viscera.contact.shapes import AnyShape
 
 
 def pickled(thing: Any) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.case import read_case
+from viscera.cases.case import read_case
 
 GRAVITY: dict[str, Any] = {"gravity": (0, 0, -9.81), "density": 1000}
 TOP: dict[str, Any] = {"touchable": lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.16), "radius": 0.07, "order": 3}

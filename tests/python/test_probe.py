@@ -31,7 +31,7 @@ def contact_error(touch: vs.Touch, entered: float) -> float:
     edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)), axis=0)
     ends = touch.mesh.points[edges]
     mean = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()
-    return max(vs.probe.CONTACT_ERROR, float(0.45 * mean / np.sqrt(touch.radius * entered)))
+    return max(vs.reduced.probe.CONTACT_ERROR, float(0.45 * mean / np.sqrt(touch.radius * entered)))
 
 
 def test_the_estimate_grows_as_the_contact_shrinks_and_the_force_stays_trusted(beam: vs.Touch) -> None:

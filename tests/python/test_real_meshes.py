@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.check import allowed_error
 from viscera.cli import main
 from viscera.inspection import inspect
+from viscera.reduced.check import allowed_error
 
 
 class Specimen(NamedTuple):

@@ -13,7 +13,7 @@ import pytest
 
 import viscera as vs
 from viscera import cli
-from viscera.grid import Grid
+from viscera.scans.grid import Grid
 
 AFFINE = np.array([[0.0, -2e-3, 0.0, 0.08], [1.5e-3, 0.0, 0.0, -0.12], [0.0, 0.0, 3e-3, 0.9]])
 SHAPE = (40, 30, 20)

@@ -12,8 +12,8 @@ import pytest
 
 import viscera as vs
 from viscera import cli
-from viscera.case import read_case
-from viscera.scene_case import SceneCase
+from viscera.cases.case import read_case
+from viscera.cases.scene_case import SceneCase
 from viscera.viewer.live import live_case
 
 LAW = vs.NeoHookean(young=1e5, poisson=0.3)

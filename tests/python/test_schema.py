@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 import viscera as vs
-from viscera.case import Case, case_of
-from viscera.loads import nodal_forces, prescribed, pressed_faces, traction_forces
-from viscera.scene_case import SceneCase, any_case_of
+from viscera.boundary.loads import nodal_forces, prescribed, pressed_faces, traction_forces
+from viscera.cases.case import Case, case_of
+from viscera.cases.scene_case import SceneCase, any_case_of
 
 MUTATIONS = 10_000
 BUILDS = 300

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.cases.scene_case import SceneCase
 from viscera.cli import main
-from viscera.scene_case import SceneCase
 
 SIDE, BASE, JAW = 0.1, 0.02, 0.04
 SOFT = vs.NeoHookean(young=10e3, poisson=0.3)

@@ -105,7 +105,7 @@ def test_a_volume_holds_every_field(
         ending == ".xdmf" and find_spec("h5py") is None
     ):  # meshio imports it, and for numbers in the file uses nothing of it
         monkeypatch.setitem(sys.modules, "h5py", ModuleType("h5py"))
-        monkeypatch.setattr("viscera.statefile.find_spec", lambda name: True)
+        monkeypatch.setattr("viscera.output.state.find_spec", lambda name: True)
     chosen.write(tmp_path / f"state{ending}")
     assert [path.name for path in tmp_path.iterdir()] == [f"state{ending}"], "one file, whole"
     grid = meshio.read(tmp_path / f"state{ending}")

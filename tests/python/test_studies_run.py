@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.check import allowed_error
+from viscera.reduced.check import allowed_error
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 

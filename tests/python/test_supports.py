@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.touch import load_bytes
+from viscera.reduced.touch import load_bytes
 from viscera.viewer.surface import surface_model
 
 SIDE = 0.1

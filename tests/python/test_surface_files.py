@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera import cli, surfacefile
+from viscera import cli
 from viscera.errors import VisceraError
+from viscera.files import surface as surfacefile
 from viscera.registration.measured import read_cloud
 
 BOX = np.array(list(np.ndindex(2, 2, 2)), dtype=float)

@@ -10,8 +10,8 @@ import pytest
 from tests.conftest import program
 
 import viscera as vs
-from viscera.parts import Target, boundary, centroid_weights, inner_parts
-from viscera.touch import load_bytes
+from viscera.reduced.parts import Target, boundary, centroid_weights, inner_parts
+from viscera.reduced.touch import load_bytes
 from viscera.viewer.surface import surface_model
 
 TUMOUR = "within 24 mm of (32.5, 7.5, 7.5) cm"

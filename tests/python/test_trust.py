@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.check import Full, allowed_error
 from viscera.law import LAWS
+from viscera.reduced.check import Full, allowed_error
 
 
 @pytest.fixture(scope="module")

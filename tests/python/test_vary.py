@@ -12,10 +12,10 @@ import pytest
 
 import viscera as vs
 from viscera import cli
-from viscera.case import read_case
+from viscera.cases.case import read_case
+from viscera.reduced.touch import load_bytes
+from viscera.reduced.vary import law_at
 from viscera.reducible import _warn_if_coarse
-from viscera.touch import load_bytes
-from viscera.vary import law_at
 from viscera.viewer.surface import surface_model
 from viscera.viewer.web import web_model
 

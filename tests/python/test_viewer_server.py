@@ -348,5 +348,5 @@ def test_the_page_is_served_with_its_model(model: Path, built: None) -> None:
         status, data = get(running.url + page.MODEL)
         assert status == 200
         assert b"<script" in get(running.url)[1]
-    shown = vs.touch.load_bytes(data)
+    shown = vs.reduced.touch.load_bytes(data)
     assert shown.metadata["user"]["name"] == "My bar"

@@ -11,9 +11,9 @@ import pytest
 
 import viscera as vs
 from viscera import cli
-from viscera.check import surface_points
 from viscera.mesh import Floats
-from viscera.touch import load_bytes
+from viscera.reduced.check import surface_points
+from viscera.reduced.touch import load_bytes
 from viscera.viewer import export, page
 from viscera.viewer.surface import surface_model
 from viscera.viewer.web import web_model

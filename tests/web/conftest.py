@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 import viscera as vs
-from viscera.case import Case, read_case
+from viscera.cases.case import Case, read_case
 from viscera.viewer import Server, page, serve, serve_live
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import viscera as vs
-from viscera.case import read_case
+from viscera.cases.case import read_case
 from viscera.viewer import Server, export, page
 from viscera.viewer.live import live_case
 from viscera.viewer.surface import surface_model

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.case import Case, read_case
+from viscera.cases.case import Case, read_case
 from viscera.viewer import export_case, serve_live
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 from tests.web.conftest import CASE, settle
 
 import viscera as vs
-from viscera.case import read_case
+from viscera.cases.case import read_case
 from viscera.viewer import Server, serve_live
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.case import Case
+from viscera.cases.case import Case
 from viscera.viewer import Server, serve_live
 
 if TYPE_CHECKING:

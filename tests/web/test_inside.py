@@ -67,7 +67,7 @@ def test_what_is_drawn_within_is_where_python_has_it(viewer: Viewer, ill: vs.Tou
     moved = (mesh.points + ill(viewer.state["point"], PUSH).displacement)[nodes]
     corners = np.reshape(drawn, (-1, 3))
     gaps = np.linalg.norm(corners[:, None] - moved, axis=2).min(axis=0)
-    surface = np.isin(nodes, vs.parts.boundary(mesh, mesh.cells_in("tumour")))
+    surface = np.isin(nodes, vs.reduced.parts.boundary(mesh, mesh.cells_in("tumour")))
     assert gaps[surface].max() < 1e-5
 
 

@@ -12,7 +12,7 @@ import pytest
 from tests.web.conftest import settle
 
 import viscera as vs
-from viscera.case import Case
+from viscera.cases.case import Case
 from viscera.viewer import Server, export_case, page, serve_live
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import pytest
 from tests.web.notebook import opened
 
 import viscera as vs
-from viscera.touch import load_bytes
+from viscera.reduced.touch import load_bytes
 from viscera.viewer import Server
 
 expect = pytest.importorskip("playwright.sync_api").expect

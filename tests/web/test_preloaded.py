@@ -11,7 +11,7 @@ import pytest
 from tests.web.test_viewer import strain
 
 import viscera as vs
-from viscera.touch import load_bytes
+from viscera.reduced.touch import load_bytes
 from viscera.viewer import Server, export, page, serve
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.web.conftest import settle
 
-from viscera.case import Case
+from viscera.cases.case import Case
 from viscera.viewer import Server, serve_live
 
 if TYPE_CHECKING:

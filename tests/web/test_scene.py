@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.scene_case import SceneCase
+from viscera.cases.scene_case import SceneCase
 from viscera.viewer import Server, serve_live
 from viscera.viewer.stepped import radius
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from viscera.bench.problem import cube
-from viscera.check import allowed_error
 from viscera.errors import VisceraError
 from viscera.law import (
     ArrudaBoyce,
@@ -30,6 +29,7 @@ from viscera.law import (
 )
 from viscera.mesh import mesh
 from viscera.organ import Organ
+from viscera.reduced.check import allowed_error
 
 ELEMENTS = {"P1": 750, "P1 mean volume": 750, "P2": 162}
 """Cells of the cube for each element."""

@@ -13,7 +13,7 @@ from viscera.bench.measure import Row, measured, peer_named, reference
 from viscera.bench.peers import PEERS
 from viscera.bench.problem import cube
 from viscera.errors import VisceraError
-from viscera.picture import PARTS
+from viscera.output.picture import PARTS
 
 CELLS = (1_000, 9_000)
 LARGEST = 10_000_000

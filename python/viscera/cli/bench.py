@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from viscera import progress
-from viscera.atomic import made_folder, replacing, writable
 from viscera.bench.machine import describe
 from viscera.cli.output import DONE, FAILED, Outcome, Output, plain
 from viscera.errors import VisceraError
+from viscera.files.atomic import made_folder, replacing, writable
 
 QUESTIONS = ("newton", "laws")
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import argparse
 
 from viscera import progress
-from viscera.check import Check, Row, allowed_error
 from viscera.cli.options import add_value, model_at, number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
-from viscera.filekind import MODEL, require
-from viscera.touch import Touch
+from viscera.output.kind import MODEL, require
+from viscera.reduced.check import Check, Row, allowed_error
+from viscera.reduced.touch import Touch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,12 +10,12 @@ import argparse
 from pathlib import Path
 
 from viscera import progress
-from viscera.atomic import made_folder
-from viscera.case import read_case
+from viscera.cases.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.comparison import REFERENCE, Comparison, compare, models
 from viscera.errors import VisceraError, did_you_mean
-from viscera.filekind import CASE, require
+from viscera.files.atomic import made_folder
+from viscera.output.kind import CASE, require
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 
 from viscera import organs, progress
-from viscera.atomic import made_folder
-from viscera.check import TOUCHES, surface_points
 from viscera.cli.check import say
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.cli.view import show
+from viscera.files.atomic import made_folder
 from viscera.law import NeoHookean
 from viscera.organ import Organ
-from viscera.touch import Touch, load
+from viscera.reduced.check import TOUCHES, surface_points
+from viscera.reduced.touch import Touch, load
 
 
 @dataclass(frozen=True)

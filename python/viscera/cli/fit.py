@@ -18,12 +18,12 @@ from viscera.cli.options import metres, square_metres
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.curves import MODES
 from viscera.errors import VisceraError
-from viscera.filekind import check_picture
 from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
 from viscera.fitting.families import FAMILIES
 from viscera.fitting.fit import Undetermined
 from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
+from viscera.output.kind import check_picture
 from viscera.quantity import Choice
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from viscera.case import BUILT_IN, load_mesh
+from viscera.cases.case import BUILT_IN, load_mesh
 from viscera.cli.options import number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.inspection import inspect, report

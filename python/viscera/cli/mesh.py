@@ -16,13 +16,13 @@ import numpy as np
 from viscera.cli.options import metres, number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError, did_you_mean
-from viscera.filekind import IMAGE, SURFACE, kind_of, require
-from viscera.imagefile import FORMATS
+from viscera.files.mesh import checked, lacking
 from viscera.mesh import Mesh
-from viscera.meshfile import checked, lacking
-from viscera.meshing import SURFACES, edge_means, least_angles, mesh_surface
+from viscera.output.kind import IMAGE, SURFACE, kind_of, require
 from viscera.progress import bar
-from viscera.scan import Scan, scan
+from viscera.scans.image import FORMATS
+from viscera.scans.meshing import SURFACES, edge_means, least_angles, mesh_surface
+from viscera.scans.scan import Scan, scan
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

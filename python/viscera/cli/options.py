@@ -7,12 +7,12 @@ import re
 from typing import Any
 
 from viscera import defaults
-from viscera.case import Case, read_case
+from viscera.cases.case import Case, read_case
 from viscera.errors import VisceraError
-from viscera.filekind import CASE, MESH, kind_of
-from viscera.meshfile import FORMATS, METRES
+from viscera.files.mesh import FORMATS, METRES
+from viscera.output.kind import CASE, MESH, kind_of
+from viscera.reduced.touch import Touch, load
 from viscera.select import length
-from viscera.touch import Touch, load
 
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*[a-z%]*\s*")
 AREA = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-z]+)\^?2")

@@ -13,8 +13,8 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from viscera.atomic import Name, replacing, spare, writable
 from viscera.errors import VisceraError
+from viscera.files.atomic import Name, replacing, spare, writable
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141
 """Exit codes. The last is what a shell reports of a program that a closed pipe ended: 128 and the signal's number."""

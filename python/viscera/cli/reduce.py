@@ -11,10 +11,10 @@ from pathlib import Path
 from time import perf_counter
 
 from viscera import progress
-from viscera.checkpoint import SUFFIX, Checkpoint
 from viscera.cli.options import add_organ, add_reduction, case_of
 from viscera.cli.output import Outcome, Output
-from viscera.filekind import CASE, MESH, model_path, require
+from viscera.output.kind import CASE, MESH, model_path, require
+from viscera.reduced.checkpoint import SUFFIX, Checkpoint
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from viscera import progress, statefile
-from viscera.case import read_case
+from viscera import progress
+from viscera.cases.case import read_case
 from viscera.cli.options import metres, number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output, iterations
 from viscera.errors import VisceraError
-from viscera.filekind import CASE, require
+from viscera.output import state as statefile
+from viscera.output.kind import CASE, require
 from viscera.registration import Registered
 from viscera.registration.measured import CLOUDS, read_cloud, read_landmarks
 

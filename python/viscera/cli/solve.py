@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from viscera import progress, statefile
-from viscera.case import Case
+from viscera import progress
+from viscera.cases.case import Case
+from viscera.cases.scene_case import SceneCase, read_any
 from viscera.cli.output import DONE, FAILED, Outcome, Output, iterations
-from viscera.filekind import CASE, require
 from viscera.navigation import Unloaded
-from viscera.scene_case import SceneCase, read_any
+from viscera.output import state as statefile
+from viscera.output.kind import CASE, require
 from viscera.state import State
 from viscera.statics import NOTHING_ACTS
 

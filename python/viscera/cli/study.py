@@ -11,11 +11,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from viscera.atomic import made_folder
-from viscera.case import load_mesh
+from viscera.cases.case import load_mesh
 from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
+from viscera.files.atomic import made_folder
 
 STUDIES = ("artery", "beam", "liver", "measured-beam")
 """Modules of `viscera.study`, with an underscore for the hyphen."""

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from viscera.answer import Answer
 from viscera.cli.options import add_value, model_at, number_or_words
 from viscera.cli.output import Outcome, Output
-from viscera.filekind import MODEL, check_picture, require
-from viscera.touch import Touch
-from viscera.vary import UNITS
+from viscera.output.kind import MODEL, check_picture, require
+from viscera.reduced.answer import Answer
+from viscera.reduced.touch import Touch
+from viscera.reduced.vary import UNITS
 
 NEAR = 0.05
 """Part of the radius of the contact by which it may be off the given point without a word."""

@@ -16,13 +16,13 @@ from pathlib import Path
 from threading import Thread
 
 from viscera import progress
-from viscera.case import PLACED, Case
+from viscera.cases.case import PLACED, Case
+from viscera.cases.scene_case import SceneCase, read_any
 from viscera.cli.options import add_value, model_at
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
-from viscera.filekind import CASE, MODEL, kind_of, require
-from viscera.scene_case import SceneCase, read_any
-from viscera.touch import Touch
+from viscera.output.kind import CASE, MODEL, kind_of, require
+from viscera.reduced.touch import Touch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

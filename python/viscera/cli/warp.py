@@ -9,10 +9,11 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from viscera import grid, statefile
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
-from viscera.labelmap import is_label_map
+from viscera.output import state as statefile
+from viscera.scans import grid
+from viscera.scans.labelmap import is_label_map
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

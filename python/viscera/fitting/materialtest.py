@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from viscera.curves import MODES
 from viscera.errors import VisceraError, did_you_mean
+from viscera.files.text import number, read_table
 from viscera.mesh import Floats
-from viscera.textfile import number, read_table
 
 SMALLEST_STRETCH = 0.05
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from viscera.atomic import replacing
 from viscera.curves import COLOURS, MODES
-from viscera.filekind import check_picture
-from viscera.picture import INK, PAPER
+from viscera.files.atomic import replacing
+from viscera.output.kind import check_picture
+from viscera.output.picture import INK, PAPER
 
 if TYPE_CHECKING:
     from viscera.fitting.fit import Fit

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from viscera import surfacefile
 from viscera.errors import VisceraError
+from viscera.files import surface as surfacefile
+from viscera.files.mesh import metres_per_unit
+from viscera.files.text import number, read_table
 from viscera.mesh import Floats
-from viscera.meshfile import metres_per_unit
 from viscera.quantity import path_of
-from viscera.textfile import number, read_table
 
 CLOUDS = (".csv", ".ply", ".obj", ".stl")
 """Formats of a cloud."""

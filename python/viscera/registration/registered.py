@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from viscera import _core, statefile
+from viscera import _core
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.output import state as statefile
 from viscera.quantity import numbers_of, refused
 from viscera.registration.residuals import MISFIT, Left
 from viscera.registration.rigid import Rigid, aligned
@@ -179,7 +180,7 @@ class Registered(Deformed, Pictured):
         >>> found.plot("found.png")
         <Figure size 1350x975 with 2 Axes>
         """
-        from viscera.picture import draw
+        from viscera.output.picture import draw
 
         return draw(
             self.mesh.points,

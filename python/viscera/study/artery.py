@@ -21,7 +21,7 @@ from viscera.comparison import CLEAR, Comparison, compare, difference
 from viscera.law import Corotated, Law, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.mesh import Floats
 from viscera.organ import Organ
-from viscera.picture import draw
+from viscera.output.picture import draw
 from viscera.study.report import Cell, Report
 
 YOUNG, POISSON = 1e6, 0.49

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.organ import Organ
+from viscera.output.picture import draw_panels
 from viscera.pgd import Pgd
-from viscera.picture import draw_panels
 
 Say = Callable[[str], None]
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from viscera import _core
 from viscera.cluster import sweep
 from viscera.mesh import Floats
+from viscera.output.picture import ACCENT, INK, PAPER
 from viscera.path import Path
-from viscera.picture import ACCENT, INK, PAPER
 from viscera.study.case import ORDER, Case, radius_of_convergence
 from viscera.study.report import Cell, Report
 

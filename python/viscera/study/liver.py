@@ -15,8 +15,8 @@ from viscera import organs
 from viscera.law import Law, NeoHookean, SaintVenantKirchhoff
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.organ import Organ
+from viscera.output.picture import draw_panels
 from viscera.pgd import Pgd
-from viscera.picture import draw_panels
 from viscera.study import curves, separation
 from viscera.study.case import ORDER, Case, Say, calibrated, middle
 from viscera.study.curves import Curves, partial_sum

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from viscera.atomic import replacing
+from viscera.files.atomic import replacing
 
 Cell = str | int | float
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from viscera.mesh import Floats
+from viscera.output.picture import draw_panels
 from viscera.pgd import Pgd, error_analysis
-from viscera.picture import draw_panels
 from viscera.study.case import PGD_ORDER, Case, Say
 from viscera.study.report import Cell, Report
 

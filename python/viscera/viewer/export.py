@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from viscera.atomic import replacing
-from viscera.case import Case
+from viscera.cases.case import Case
+from viscera.cases.scene_case import SceneCase
 from viscera.errors import VisceraError
+from viscera.files.atomic import replacing
 from viscera.progress import shown
 from viscera.quantity import path_of
-from viscera.scene_case import SceneCase
-from viscera.touch import Touch
+from viscera.reduced.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
 from viscera.viewer.live import PAGE_UNKNOWNS, live_case, require_one_organ

@@ -6,7 +6,7 @@ Two hands at once are answered by stepping the organ, where the page has what th
 from __future__ import annotations
 
 from viscera.errors import VisceraError
-from viscera.touch import Touch
+from viscera.reduced.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.live import PAGE_UNKNOWNS, first_case
 

@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
-from viscera.case import PLACED, Case
+from viscera.boundary.loads import density_per_cell
+from viscera.boundary.support import require_held
+from viscera.cases.case import PLACED, Case
+from viscera.cases.scene_case import SceneCase
 from viscera.errors import VisceraError
-from viscera.loads import density_per_cell
 from viscera.organ import Organ
 from viscera.quantity import refused
-from viscera.scene_case import SceneCase
-from viscera.support import require_held
-from viscera.touch import Touch
+from viscera.reduced.touch import Touch
 
 DENSITY = 1000.0
 """Density of tissue [kg/m^3], for a case that names none."""

@@ -11,8 +11,8 @@ import numpy as np
 from viscera.display import WIDTH
 from viscera.errors import VisceraError
 from viscera.quantity import Whole
+from viscera.reduced.touch import Touch
 from viscera.select import Lengths
-from viscera.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.surface import surface_model
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from viscera.entries import Text, known
+from viscera.cases.entries import Text, known
 from viscera.errors import VisceraError
 from viscera.quantity import Check, Flag, Vector, refused
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from viscera.frame import Frame
+from viscera.stepping.frame import Frame
 
 STILL = 1e-6
 """Kinetic energy of an organ at rest, as part of the strain energy: a vibration of a thousandth of the displacement."""

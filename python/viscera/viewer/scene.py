@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from viscera.loads import Density
+from viscera.boundary.loads import Density
+from viscera.cases.scene_case import SceneCase
 from viscera.scene import Scene
-from viscera.scene_case import SceneCase
-from viscera.stepper import Stepper
+from viscera.stepping.stepper import Stepper
 from viscera.viewer.live import DENSITY, NOWHERE, Reply, left_out
 from viscera.viewer.stepped import PlayedStepper
 

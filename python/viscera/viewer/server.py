@@ -24,11 +24,11 @@ from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection
 from websockets.sync.server import serve as listen
 
-from viscera.case import Case
+from viscera.cases.case import Case
+from viscera.cases.scene_case import SceneCase
 from viscera.errors import VisceraError
 from viscera.quantity import Whole, refused
-from viscera.scene_case import SceneCase
-from viscera.touch import Touch
+from viscera.reduced.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
 from viscera.viewer.live import converse, live_case, require_one_organ

@@ -24,11 +24,11 @@ from viscera.viewer.rest import Rest
 from viscera.viewer.surroundings import Surroundings
 
 if TYPE_CHECKING:
-    from viscera.frame import Frame
-    from viscera.hand import Hand
     from viscera.organ import Organ
     from viscera.state import State
-    from viscera.stepper import Stepper
+    from viscera.stepping.frame import Frame
+    from viscera.stepping.hand import Hand
+    from viscera.stepping.stepper import Stepper
 
 NOBODY = (0.0, 0.0, 0.0)
 FIXED = "the surface is fixed"
@@ -72,7 +72,7 @@ class PlayedStepper:
     def picture(self) -> bytes:
         """The organ as it is, a PNG."""
         from viscera.display import png
-        from viscera.picture import draw
+        from viscera.output.picture import draw
 
         mesh = self._organ.mesh
         return png(draw(mesh.points, mesh.surface, self._stepper.displacement))

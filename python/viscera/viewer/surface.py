@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from viscera.mesh import Indices
-from viscera.parts import inner_parts
 from viscera.quantity import refused
-from viscera.touch import Touch
-from viscera.vary import UNITS
+from viscera.reduced.parts import inner_parts
+from viscera.reduced.touch import Touch
+from viscera.reduced.vary import UNITS
 
 
 def surface_alone(touch: Touch) -> Touch:

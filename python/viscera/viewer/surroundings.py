@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viscera.contact import Tool
-from viscera.instrument import Instrument
+from viscera.boundary.ties import Link
+from viscera.contact.instrument import Instrument
+from viscera.contact.shapes import AnyShape, Shape
+from viscera.contact.tool import Tool
 from viscera.mesh import Floats
-from viscera.shapes import AnyShape, Shape
-from viscera.ties import Link
 
 if TYPE_CHECKING:
     from viscera.organ import Organ

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from viscera.check import surface_points
 from viscera.errors import VisceraError
-from viscera.touch import Touch
+from viscera.reduced.check import surface_points
+from viscera.reduced.touch import Touch
 from viscera.viewer.surface import named, surface_alone
 
 LIMIT = 25_000_000

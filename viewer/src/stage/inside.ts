@@ -4,7 +4,7 @@ import { decimalsOf, element, fixed, write } from "../base/dom";
 import type { Part, Vec3 } from "../model/evaluator";
 import { Skin } from "./skin";
 
-/** How far a part has moved [m], and the half width of the band around it [m]: viscera/parts.py says what it is. */
+/** How far a part has moved [m], and the half width of the band around it [m]: viscera/reduced/parts.py says what it is. */
 export interface Shift {
   name: string;
   distance: number;
@@ -116,7 +116,7 @@ class InnerPart {
 /** Decimals of a length in millimetres at the most: what is smaller is rounding. */
 const FINEST = 6;
 
-/** "6.21 ± 0.29 mm", which holds all that the band holds; viscera/parts.py says how it is rounded, and does the same. */
+/** "6.21 ± 0.29 mm", which holds all that the band holds; viscera/reduced/parts.py says how it is rounded, and does the same. */
 export function shiftInWords(shift: Shift): string {
   const [distance, band] = [1000 * shift.distance, 1000 * shift.band];
   const sizes: [number, number][] = [[band, 2], [distance, 4]];

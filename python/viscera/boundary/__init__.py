@@ -1,0 +1,1 @@
+"""Boundary conditions: loads, supports, springs, and bonds between surfaces."""

@@ -1,0 +1,147 @@
+"""A bond between two surfaces whose meshes need not match: how it is asked for, and its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from viscera import _core
+from viscera.boundary import ties
+from viscera.boundary.elastic_support import LINEAR, QUADRATIC, areas_and_normals, quadratic_shapes
+from viscera.boundary.loads import name_of
+from viscera.boundary.ties import Ties
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.quantity import Flag, Number, refused
+
+Side: TypeAlias = str | tuple[str, Where]
+"""The name of an organ for its whole surface, or the name and a place of its surface."""
+
+STIFFNESS = 100.0
+"""Stiffness factor of a bond. An interface under a stress `s` opens by `s / E` of a hundredth of a cell's height."""
+FACTOR = Number(above=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The common pieces of the triangles of two surfaces, by nodes and coordinates that hold in another shape too."""
+
+    sides: tuple[Indices, Indices]
+    """Of each piece the face (p, 3) or (p, 6) of the first surface and that of the second."""
+    corners: Floats
+    """(p, 3, 2, 3) by corner of the piece: its barycentric coordinates in each of the two faces."""
+    shares: Floats
+    """(p,) area over that of the face of the first surface."""
+
+
+class Bond:
+    """Two surfaces that hold together wherever they lie on each other at rest; their meshes need not match.
+
+    The jump `[u]` of the displacement is tied by `k [u]` per area, with `k = stiffness E / (1 - nu^2) / h` of the
+    softer side, where h is the height of the cell behind. The integral over the common pieces of the triangles of both
+    sides is exact (Puso and Laursen 2004), so a uniform stress passes the interface without error.
+
+    first, second: the name of an organ of the scene, words such as "liver/x < 30%", or a pair (name, place of its
+        surface). Triangles that face each other and are at most `reach` apart hold together.
+    sliding: whether the surfaces may slide along each other. They do not separate, and slides are small: the samples
+        and the normal are those at rest.
+    stiffness: see above. reach [m], or in words such as "1 mm" or "1%" of the diagonal of the smaller organ.
+
+    >>> import viscera as vs
+    >>> vs.Bond(("liver", "bed"), "gallbladder")
+    Bond(liver at 'bed', gallbladder)
+    """
+
+    def __init__(
+        self,
+        first: Side,
+        second: Side,
+        *,
+        sliding: bool = False,
+        stiffness: float = STIFFNESS,
+        reach: float | str = "1%",
+    ) -> None:
+        self.first, self.second = side_of(first, "a bond"), side_of(second, "a bond")
+        """Pairs of a name and a place; the place is None for the whole surface."""
+        self.sliding = Flag()(sliding, "sliding")
+        self.stiffness = FACTOR(stiffness, "the stiffness of a bond")
+        self.reach = reach
+
+    def __repr__(self) -> str:
+        words = [name if where is None else f"{name} at {name_of(where)}" for name, where in self.sides]
+        return f"Bond({', '.join(words)}{', sliding' if self.sliding else ''})"
+
+    @property
+    def sides(self) -> tuple[tuple[str, Where | None], ...]:
+        """Name and place of both sides.
+
+        >>> import viscera as vs
+        >>> vs.Bond(("liver", "bed"), "gallbladder").sides
+        (('liver', 'bed'), ('gallbladder', None))
+        """
+        return self.first, self.second
+
+    def _pieces(self, mesh: Mesh, faces: Sequence[Indices], reach: float) -> Pieces:
+        """What the faces (f, 3) or (f, 6) of both sides have in common on the mesh of the scene; reach [m]."""
+        triangles = [np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces]
+        pairs, corners, areas = _core.overlap(mesh.points, triangles[0], triangles[1], reach)
+        if len(pairs) == 0:
+            raise VisceraError(
+                f"{self!r}: no triangle of the one surface faces one of the other within {1e3 * reach:g} mm; move the "
+                "organs together, choose other places, or a larger reach"
+            )
+        first, second = (face[pair] for face, pair in zip(faces, pairs.T, strict=True))
+        whole, _ = areas_and_normals(mesh.points, first)
+        return Pieces((first, second), corners.reshape(-1, 3, 2, 3), areas / whole)
+
+    def _samples(self, mesh: Mesh, pieces: Pieces, modulus: Floats) -> Ties:
+        """Its samples on pieces: points of a rule that is exact for products of shape functions.
+
+        mesh: of the scene, in the shape whose areas, normals and heights count; modulus (m,): plane strain modulus of
+        the cells [Pa].
+        """
+        sides = pieces.sides
+        is_quadratic = sides[0].shape[1] == 6
+        points, shares = QUADRATIC if is_quadratic else LINEAR
+        inside = np.einsum("qk,pksc->pqsc", points, pieces.corners)
+        shapes = [quadratic_shapes(side) if is_quadratic else side for side in np.moveaxis(inside, 2, 0)]
+        whole, normals = areas_and_normals(mesh.points, sides[0])
+        layers = [_layer(mesh, faces, modulus) for faces in sides]
+        per_area = self.stiffness * np.minimum(*layers)[:, None, None] * np.eye(3)
+        if self.sliding:
+            per_area = per_area @ np.einsum("pi,pj->pij", normals, normals)
+        areas = pieces.shares * whole
+        stiffness = (areas[:, None] * shares)[:, :, None, None] * per_area[:, None]
+        count, width = len(shares), 2 * sides[0].shape[1]
+        nodes = np.repeat(np.concatenate(sides, axis=1), count, axis=0)
+        weights = np.concatenate([shapes[0], -shapes[1]], axis=2)
+        return ties.rows(nodes, weights.reshape(-1, width), stiffness.reshape(-1, 3, 3))
+
+
+def side_of(side: Any, of: str) -> tuple[str, Where | None]:
+    """Name and place of a side of a bond or of a contact pair; the place is None for the whole surface."""
+    if isinstance(side, str):
+        name, _, where = side.partition("/")
+        return name, where or None
+    if isinstance(side, tuple) and len(side) == 2 and isinstance(side[0], str):
+        return side
+    what = "the name of an organ, words such as 'liver/x < 30%', or a pair of a name and a place"
+    raise refused(f"a side of {of}", what, side)
+
+
+def _layer(mesh: Mesh, faces: Indices, modulus: Floats) -> Floats:
+    """Modulus over height (f,) [Pa/m] of the cells behind faces."""
+    cells = np.sort(mesh.cells.astype(np.int64), axis=1)
+    behind = np.concatenate([np.delete(cells, left_out, axis=1) for left_out in range(4)])
+    size = len(mesh.points)
+    keys = (behind[:, 0] * size + behind[:, 1]) * size + behind[:, 2]
+    order = np.argsort(keys)
+    own = np.sort(faces[:, :3].astype(np.int64), axis=1)
+    wanted = (own[:, 0] * size + own[:, 1]) * size + own[:, 2]
+    cell = order[np.searchsorted(keys, wanted, sorter=order)] % len(mesh.cells)
+    areas, _ = areas_and_normals(mesh.points, faces)
+    heights = 3.0 * np.abs(mesh.facts["cell_volumes"][cell]) / areas
+    return np.asarray(modulus[cell] / heights)

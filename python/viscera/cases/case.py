@@ -1,0 +1,373 @@
+"""CASE.toml: one organ with its loads, settings and reduction, in the words of the Python API.
+
+    mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
+    units = "mm"                  # m, cm, mm, um, inch, or metres per unit
+    fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
+    element = "P1 mean volume"          # or "P1", "P2"; without it, what is right for the material
+
+    [material]
+    law = "NeoHookean"
+    young = 0.17e6
+    poisson = 0.48
+
+    [material.nodule]             # what differs in a set of cells, or where a condition such as "x > 80%" holds
+    young = 1.7e6
+
+    [supports.capsule]            # springs spread over a piece of surface
+    stiffness = 1e6               # N/m^3, along the normal; `tangential` along the surface
+
+    [loads]
+    gravity = [0, 0, -9.81]
+    density = 1060
+    displacement.lobe = [0, "free", -0.01]
+    force."z > 90%" = [0, 0, -2.0]
+    traction.capsule = [0, 0, 50] # Pa
+    pressure.vein = 2e3           # Pa, against the outward normal
+
+    [scan]                        # the mesh was acquired under these loads, in the words of [loads]
+    gravity = [0, -9.81, 0]       # `solve` takes them off first, and counts displacements from the scan
+
+    [settings]
+    steps = 4
+
+    [reduce]
+    touchable = "anterior"
+    radius = "12 mm"              # or a number in metres, or a percentage of the bounding-box diagonal
+    depth = "10%"
+    start = "loads"               # touch the organ as the [loads] leave it, or as it was in the "scan"; or at "rest"
+
+    [reduce.vary]                 # one model for a range of "young", "poisson" or the contact "radius"
+    parameter = "young"
+    part = "nodule"               # a cell set or a condition; the whole organ without it
+    low = 10e3
+    high = 100e3
+
+`schema` defines the keys and their values; anything else is refused when the file is read.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from viscera import law, organs
+from viscera.boundary.elastic_support import ElasticSupport
+from viscera.cases import material_schema, schema
+from viscera.errors import VisceraError, did_you_mean
+from viscera.fibres import helical_fibres
+from viscera.members import words_of
+from viscera.mesh import Indices, Mesh, read
+from viscera.navigation import Unloaded
+from viscera.organ import Organ
+from viscera.progress import Progress
+from viscera.quantity import path_of
+from viscera.reduced.checkpoint import Checkpoint
+from viscera.reduced.touch import Touch
+from viscera.reduced.vary import Vary
+from viscera.state import State
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+Made = TypeVar("Made")
+PLACED = ("displacement", "force", "traction", "pressure")
+"""Loads that act at a place."""
+NAMES = {"reduce": "reduction"}
+"""Attributes of a case whose name differs from the key in the file."""
+BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
+
+
+class Solvable:
+    """What a case of an organ and one of a scene have in common: loads and settings, and a solution under them."""
+
+    loads: Mapping[str, Any]
+    settings: Mapping[str, Any]
+
+    def loading(self) -> dict[str, Any]:
+        """Loads and settings as `Organ.solve` and `Scene.solve` take them.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> case.organ().solve(**case.loading()).is_converged
+        True
+        """
+        return {
+            **{kind: self.loads.get(kind, {}) for kind in PLACED},
+            **{kind: self.loads.get(kind) for kind in ("gravity", "density")},
+            "steps": self.settings.get("steps", 1),
+            "settings": self.settings.get("newton"),
+            "solver": self.settings.get("solver", "auto"),
+        }
+
+    def solve(self, organ: Organ, progress: Progress | None = None) -> State:
+        """Static equilibrium of the organ or scene under the case's loads.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> organ = case.organ()
+        >>> case.solve(organ).status
+        'converged'
+        """
+        return organ.solve(**self.loading(), progress=progress)
+
+
+@dataclass(frozen=True)
+class Case(Solvable):
+    """A case file as read and checked; lengths and places are not resolved yet.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+    >>> case.material["law"], case.loads
+    ('NeoHookean', {'force': {'tip': [0, 0, -10.0]}})
+    """
+
+    mesh: str
+    material: Mapping[str, Any]
+    fixed: Any = None
+    supports: Mapping[str, Any] = field(default_factory=dict)
+    units: str | float | None = None
+    element: str | None = None
+    loads: Mapping[str, Any] = field(default_factory=dict)
+    scan: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    reduction: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path = Path()
+
+    def __post_init__(self) -> None:
+        """Raise `VisceraError` naming the first key that a case does not have."""
+        words = {name: getattr(self, NAMES.get(name, name)) for name in schema.CASE.keys}
+        schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
+        if self.fixed is None and not self.supports:
+            raise VisceraError(
+                "the key 'fixed' is missing; only an organ that `supports` hold needs no fixed nodes, if only a weak "
+                'one where bonds of a scene hold it, such as [supports."x > -1%"] with stiffness = 1e-3'
+            )
+
+    def organ(self) -> Organ:
+        """The organ: mesh, law and supports; each place of the case becomes a named set of its mesh.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> case.organ()
+        Organ(525 points, 1920 cells, NeoHookean, P1, 25 fixed nodes)
+        """
+        return self._organ(load_mesh(self.mesh, self.units, self.folder))
+
+    def _organ(self, plain: Mesh, others: Iterable[str] = ()) -> Organ:
+        """The organ on its mesh, whose sets are also the places that others than the case name."""
+        places: list[Any] = [*self.supports, *others]
+        for kind in PLACED:
+            places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
+        for place in (self.fixed, self.reduction.get("touchable")):
+            places += words_of(place) or [place]
+        named_mesh = plain.with_sets(**{place: place for place in places if isinstance(place, str)})
+        supports = [ElasticSupport(place, **words) for place, words in self.supports.items()]
+        held: dict[str, Any] = {"fixed": self.fixed, "supports": supports}
+        return Organ(named_mesh, material(self.material, plain), element=self.element, **held)
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that the case reads: that of its mesh.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> [path.name for path in beam.to_case("beam.toml").files]
+        ['beam_mesh.vtu']
+        """
+        return [] if self.mesh.startswith("organ:") else [self.folder / self.mesh]
+
+    def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
+        """The organ free of the loads of its [scan]; if that has no density, the density of [loads] is taken.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", scan={"gravity": (0, 0, -1.0), "density": 100.0})
+        >>> case.unloaded(case.organ()).is_converged
+        True
+        """
+        density = self.loads.get("density")
+        return organ.unloaded(**{"density": density, **self.scan}, progress=progress)
+
+    def predict(self, rest: Unloaded, progress: Progress | None = None) -> State:
+        """Equilibrium of an organ from `unloaded` under the case's loads; displacements count from the scan.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> hanging = {"gravity": (0, 0, -1.0), "density": 100.0}
+        >>> case = beam.to_case("beam.toml", scan=hanging, loads=hanging)
+        >>> state = case.predict(case.unloaded(case.organ()))
+        >>> bool(state.max_displacement < 1e-6)  # the posture of the scan again
+        True
+        """
+        return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
+
+    def require_unloaded(self, verb: str) -> None:
+        """Raise `VisceraError` if the case has a [scan], which only `viscera solve` can remove.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", scan={"gravity": (0, 0, -1.0), "density": 100.0})
+        >>> case.require_unloaded("compare")
+        Traceback (most recent call last):
+        viscera.errors.VisceraError: `viscera compare` takes the mesh as free of load; ...
+        """
+        if self.scan:
+            raise VisceraError(
+                f"`viscera {verb}` takes the mesh as free of load; solve the [scan] first, with `viscera solve`"
+            )
+
+    def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
+        """Total force (3,) [N] at each place that holds or moves the organ, by its name in the case.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> organ = case.organ()
+        >>> reactions = case.reactions(organ, case.solve(organ))
+        >>> {place: round(force[2], 3) for place, force in reactions.items()}
+        {'clamp': 10.0}
+        """
+        moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
+        found = {
+            place: state.support_force(own).tolist() for place, own in zip(self.supports, organ.supports, strict=True)
+        }
+        if self.fixed is not None:
+            place = self.fixed if isinstance(self.fixed, str) else "fixed"
+            found[place] = state.reaction(organ.fixed).tolist()
+        return {**found, **moved}
+
+    def reduce(self, organ: Organ, progress: Progress | None = None, checkpoint: Checkpoint | None = None) -> Touch:
+        """The reduced model of the organ by the case's [reduce] table, about the equilibrium that `start` names.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", reduction={"touchable": "tip", "depth": "2%", "order": 2})
+        >>> case.reduce(case.organ())
+        Touch(525 points, order 2, depth 0.0207846 m)
+        """
+        options = dict(self.reduction)
+        organ, state = self._touched(organ, options.pop("start", None), progress)
+        if "vary" in options:
+            vary = dict(options["vary"])
+            options["vary"] = Vary(vary.pop("parameter"), **vary)
+        return organ.reduce(**options, start=state, checkpoint=checkpoint, progress=progress)
+
+    def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
+        """The organ free of load, and the equilibrium that its touches start from; None at rest."""
+        if start is None and self.scan:
+            raise VisceraError(
+                'a case with a [scan] must say what is touched: start = "scan", "loads" or "rest" in [reduce]'
+            )
+        if start == "scan" and not self.scan:
+            raise VisceraError('start = "scan" in [reduce] needs the loads of the scan in a table [scan]')
+        scanned = None
+        if self.scan:
+            rest = self.unloaded(organ, progress)
+            if not rest.is_converged:
+                raise VisceraError(f"the loads of the [scan] cannot be removed: {rest.message}")
+            organ, scanned = rest.organ, rest.state
+        if start == "loads":
+            return organ, organ.solve(**self.loading(), start=scanned, progress=progress)
+        return organ, scanned if start == "scan" else None
+
+
+def read_case(path: str | os.PathLike[str]) -> Case:
+    """Read a CASE.toml of one organ; raises `VisceraError` with the file and the key that is wrong or missing."""
+    return read_words(path, case_of)
+
+
+def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], Path], Made]) -> Made:
+    """What is `made` of the words of a TOML file and of its folder; errors name the file."""
+    source = path_of(path, "the case file")
+    if source.is_dir() or not source.exists():
+        raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
+    try:
+        words = tomllib.loads(source.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise VisceraError(f"{source}: not in UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8") from error
+    except (ValueError, RecursionError) as error:  # wrong TOML; lists in lists in lists
+        raise VisceraError(f"{source}: not a TOML file ({error})") from error
+    try:
+        return made(words, source.parent)
+    except VisceraError as error:
+        raise VisceraError(f"{source}: {error}") from None
+
+
+def case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case:
+    """A case from the words of its file; raises `VisceraError` naming the key that is wrong or missing."""
+    if "organs" in words:
+        raise VisceraError(
+            "a scene of several organs, and this takes one organ; `viscera solve`, `viscera view` and viscera.case "
+            "take scenes"
+        )
+    schema.CASE(words, "a case")  # unknown keys, which a `Case` has no place for
+    return Case(**{NAMES.get(name, name): word for name, word in words.items()}, folder=folder)
+
+
+def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Mesh:
+    """A mesh file in the given units, or a built-in organ as `organ:liver`."""
+    if name.startswith("organ:"):
+        organ = name.removeprefix("organ:")
+        if organ not in BUILT_IN:
+            raise VisceraError(f"unknown built-in organ {organ!r}; {did_you_mean(organ, BUILT_IN)}")
+        return BUILT_IN[organ]()
+    if units is None:
+        raise VisceraError(f"{name}: a mesh file needs its units, such as 'mm' or 'm'")
+    return read(folder / name, units=units)
+
+
+def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
+    """The law that a [material] table describes; its inner tables hold what differs in a part of the mesh."""
+    others = {place: part for place, part in words.items() if material_schema.is_part(place, part) and "law" in part}
+    whole = _one_law({name: value for name, value in words.items() if name not in others}, mesh)
+    if not others:
+        return whole
+    of_cell = np.zeros(len(mesh.cells), dtype=int)
+    for k, place in enumerate(others):
+        of_cell[mesh.cells_in(place)] = k + 1
+    return law.Several.of_cells((whole, *(_one_law(part, mesh) for part in others.values())), of_cell)
+
+
+def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
+    """A law whose parameters may differ from part to part."""
+    parameters = {name: value for name, value in words.items() if not material_schema.is_part(name, value)}
+    kind = law.named(parameters.pop("law"))
+    if isinstance(parameters.get("fibres"), Mapping):
+        parameters["fibres"] = helical_fibres(mesh, **parameters["fibres"])
+    for place, part in words.items():
+        if not material_schema.is_part(place, part):
+            continue
+        cells = mesh.cells_in(place)
+        for name, value in part.items():
+            if name not in parameters:
+                raise VisceraError(f"material: {place!r} gives {name!r}, which the rest of the organ has no value for")
+            parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
+    try:
+        return kind(**parameters)
+    except TypeError as error:
+        raise VisceraError(f"material {kind.__name__}: {str(error).split('() ')[-1]}") from error
+
+
+def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> Any:
+    """A parameter per cell: `value` in the given cells, unchanged in the others; lists (of terms) entry by entry."""
+    if isinstance(whole, list):
+        if not isinstance(value, list) or len(value) != len(whole):
+            raise VisceraError(f"material: {name} must be a list of {len(whole)} numbers, as elsewhere, got {value!r}")
+        return [_in_part(*pair, mesh=mesh, name=name) for pair in zip(whole, [cells] * len(whole), value, strict=True)]
+    if isinstance(value, list):
+        raise VisceraError(f"material: {name} must be one number, as elsewhere, got {value!r}")
+    values = np.array(np.broadcast_to(np.asarray(whole, dtype=float), len(mesh.cells)))
+    values[cells] = value
+    return values

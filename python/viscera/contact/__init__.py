@@ -1,0 +1,1 @@
+"""What touches an organ: rigid tools, forceps, the ground, other organs; with friction."""

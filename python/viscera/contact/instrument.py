@@ -1,0 +1,101 @@
+"""Tools at work in a stepper."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from viscera.contact.posed import Posed, kept
+from viscera.contact.shapes import AnyShape
+from viscera.contact.tool import Tool
+from viscera.quantity import vector
+
+if TYPE_CHECKING:
+    from viscera.stepping.stepper import Stepper
+
+
+class Instrument(Posed):
+    """A tool at work in a stepper: made by `Stepper.tool`, moved from frame to frame, ended by `remove`.
+
+    Its pose is read-only; to change it, call `move`, `turn` or `place`, or assign a whole `position` or `rotation`.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> stepper = beam.stepper(iterations=10)
+    >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+    >>> tool.move((0, 0, -0.01))
+    >>> frame = stepper.frame()
+    >>> frame.is_settled, bool(frame.force(tool)[2] < 0.0)
+    (True, True)
+    """
+
+    _WHAT = "a tool"
+
+    def __init__(self, stepper: Stepper, tool: Tool, number: int) -> None:
+        self._stepper = stepper
+        self._number = number
+        self._tool, self._shape = tool, tool.shape
+        self._position, self._rotation = kept(tool.position.copy()), kept(tool.rotation.copy())
+
+    @property
+    def shape(self) -> AnyShape:
+        """Its shape."""
+        return self._shape
+
+    def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
+        """Set the pose for the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.place((0.5, 0.1, 0.4))
+        >>> stepper.frame().contact(tool).touching
+        0
+        """
+        placed, turned = self._placed(position), self._turned(rotation)
+        self._stepper._core.place_tool(self._number, turned.tolist(), placed.tolist())
+        self._position, self._rotation = kept(placed), kept(turned)
+
+    def move(self, by: ArrayLike) -> None:
+        """Move on by (x, y, z) [m] with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> tool.position.round(3).tolist()
+        [0.9, 0.1, 0.29]
+        """
+        self.place(self.position + vector(by, "the motion of a tool", "m"))
+
+    def turn(self, by: ArrayLike) -> None:
+        """Turn on about its origin by a rotation vector (3,) [rad], in axes of the world, with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.turn((0, 3.141592653589793, 0))
+        >>> tool.rotation.round(3).diagonal().tolist()
+        [-1.0, 1.0, -1.0]
+        """
+        self.place(rotation=self._turned_by(by))
+
+    def remove(self) -> None:
+        """Remove the tool with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> tool.remove()
+        >>> frame = stepper.frame()
+        """
+        self._stepper._core.remove_tool(self._number)
+        self._stepper._tools = [tool for tool in self._stepper._tools if tool is not self]

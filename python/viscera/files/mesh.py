@@ -1,0 +1,391 @@
+"""Reading and writing mesh files: by meshio, FEBio files by `febio`; `gmsh1` reads the first version of Gmsh files, and
+`abaqus` those of Abaqus. The meshes are not checked here; `mesh` does that.
+
+Node sets are found where each format keeps them; sets without a name in the file are called after where they were
+found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
+The nodes of a set of cells are a node set too, unless one of nodes or faces has that name.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote, unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera.errors import VisceraError, did_you_mean, refuse_case_file
+from viscera.files import febio, gmsh_names
+from viscera.files.atomic import replacing, writable
+from viscera.quantity import Number, path_of
+
+if TYPE_CHECKING:
+    import meshio
+
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 0.0254}
+MESHIO_MODULES = {
+    ".vtu": "vtu",
+    ".vtk": "vtk",
+    ".msh": "gmsh",
+    ".mesh": "medit",
+    ".meshb": "medit",
+    ".inp": "abaqus",
+}
+FORMATS = (*MESHIO_MODULES, ".feb")
+SET_PREFIX = "set:"
+EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
+"""Local ends of the edges whose midpoints are nodes 4 to 9 of a ten-node tetrahedron."""
+STRAIGHT = 1e-3
+"""How far a midpoint may be off the middle of its edge, in edge lengths: the rounding of single precision."""
+UNSAID = {".inp": ',="', ".msh": '"\\'}
+"""Letters that end a name in these formats."""
+VTK_SAFE = "".join(letter for letter in map(chr, range(33, 127)) if letter not in '"%')
+"""Letters that stand for themselves in a legacy VTK file; VTK writes the others as in a URL, and reads them so."""
+# An integer array with more values than this numbers things; it does not name sets.
+MAX_SETS_PER_ARRAY = 64
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """The contents of a file, unchecked: points (n, 3) [m], cells (m, 4), sets of nodes and of cells by name."""
+
+    points: NDArray[Any]
+    cells: NDArray[Any]
+    sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    cell_sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    messages: tuple[str, ...] = ()
+    axes: str = ""
+    """World axes, "RAS" or "LPS", if the file states them."""
+
+
+def read(path: Path, units: str | float = "m") -> RawMesh:
+    """Reads a file unchecked, in metres. Raises `VisceraError` if it is missing, of no known format or damaged."""
+    scale = metres_per_unit(units)
+    refuse_case_file(path, "a mesh")
+    if path.is_dir() or not path.exists():
+        raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
+    ending = _known_ending(path)
+    try:
+        found = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
+        points, blocks, sets, cell_sets = found
+        axes = stated_axes(path) if ending == ".vtu" else ""
+        if axes and scale != 1.0:
+            raise VisceraError(f'it states its unit, metres, and the units are {units!r}: leave them out, or say "m"')
+        return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets, axes=axes))
+    except VisceraError as error:
+        raise VisceraError(f"{path}: {error}") from None
+    except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
+        reason = f"{type(error).__name__}: {error}".rstrip(": ").splitlines()[0]
+        raise VisceraError(f"{path}: not a readable {ending} file, or cut short ({reason})") from error
+
+
+def checked(path: str | os.PathLike[str], names: Iterable[str] = ()) -> Path:
+    """The path. It is an error if its format or its folder cannot take a mesh whose sets have these names; call this
+    before long work."""
+    _refuse_names(_known_ending(path_of(path, "the file to write")), names)
+    return writable(path)
+
+
+def _refuse_names(ending: str, names: Iterable[str]) -> None:
+    """Raises `VisceraError` for a name that would not be read again as it is."""
+    for name in names:
+        unsaid = next((letter for letter in name if letter in UNSAID.get(ending, "") or ord(letter) < 32), None)
+        if unsaid is not None and ending != ".mesh":
+            raise VisceraError(
+                f"the name {name!r} of a set holds {unsaid!r}, which {ending} cannot say; rename the set"
+            )
+        if ending == ".inp" and name != name.strip():
+            raise VisceraError(
+                f"the name {name!r} of a set begins or ends in a space, which .inp loses; rename the set"
+            )
+
+
+def write(
+    path: Path,
+    points: NDArray[np.float64],
+    cells: NDArray[np.uint32],
+    sets: Mapping[str, Any],
+    cell_sets: Mapping[str, Any],
+    axes: str = "",
+) -> None:
+    """Writes points, cells and the sets of both in the format of the file's ending; world axes in `.vtu`."""
+    ending = _known_ending(path)
+    _refuse_names(ending, [*sets, *cell_sets])
+    if ending == ".feb":
+        with replacing(path) as scratch:
+            scratch.write_bytes(febio.write(points, cells, sets, cell_sets))
+        return
+    import meshio
+
+    blocks: list[tuple[str, NDArray[Any]]] = [("tetra", cells.astype(np.int64))]
+    extra: dict[str, Any] = {}
+    names: dict[tuple[int, int], str] = {}
+    if ending in (".vtu", ".vtk"):
+        # A name such as "x < 10%" would go into XML as it is, and meshio refuses its spaces in legacy files.
+        written = escape if ending == ".vtu" else partial(quote, safe=VTK_SAFE)
+        extra["point_data"] = {written(SET_PREFIX + name): _mask(each, len(points)) for name, each in sets.items()}
+        extra["cell_data"] = {written(SET_PREFIX + name): [_mask(each, len(cells))] for name, each in cell_sets.items()}
+    elif ending == ".inp":
+        extra["point_sets"] = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in sets.items()}
+        extra["cell_sets"] = {name: [np.asarray(chosen, dtype=np.int64)] for name, chosen in cell_sets.items()}
+    elif ending == ".msh":  # a node set is a physical group of dimension 0
+        blocks += [("vertex", np.asarray(nodes, dtype=np.int64)[:, None]) for nodes in sets.values()]
+        groups = [np.full(len(block), tag, dtype=np.int32) for tag, (_, block) in enumerate(blocks)]
+        first = len(sets) + 1
+        for tag, (name, chosen) in enumerate(cell_sets.items(), start=first):
+            if groups[0][chosen].any():
+                raise VisceraError(f"{path}: cells are in {name!r} and in another set, which .msh cannot say; use .vtu")
+            groups[0][chosen] = tag
+        extra["cell_data"] = {"gmsh:physical": groups, "gmsh:geometrical": groups}
+        names = {(0, tag): name for tag, name in enumerate(sets, start=1)}
+        names |= {(3, tag): name for tag, name in enumerate(cell_sets, start=first)}
+    options: dict[str, Any] = {
+        ".msh": {"fmt_version": "2.2", "binary": False},
+        ".vtk": {"fmt_version": "4.2"},
+    }
+    module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
+    with replacing(path) as scratch:
+        module.write(str(scratch), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
+        if names:
+            gmsh_names.add(scratch, names)
+        if axes and ending == ".vtu":
+            state_axes(scratch, axes)
+
+
+def lacking(path: Path, sets: Mapping[str, Any], cell_sets: Mapping[str, Any], axes: str) -> list[str]:
+    """What of a mesh the format of a file cannot hold, in words."""
+    ending = _known_ending(path)
+    lacks = []
+    if ending == ".mesh" and (sets or cell_sets):
+        lacks.append("sets and parts")
+    if ending != ".vtu" and axes:
+        lacks.append(f"the axes {axes}")
+    return lacks
+
+
+def state_axes(path: Path, axes: str, more: str = "") -> None:
+    """Puts the world axes, and what more there is to say of them, into a comment, which every reader ignores; not
+    every reader ignores a text in field data."""
+    head, tag, rest = path.read_bytes().partition(b"<UnstructuredGrid>")
+    path.write_bytes(head + f"<!-- axes: {axes}, metres{more} -->\n".encode() + tag + rest)
+
+
+def stated_axes(path: Path) -> str:
+    """The world axes that a `.vtu` file states; empty if it states none."""
+    with path.open("rb") as file:
+        stated = re.search(rb"<!-- axes: (RAS|LPS)\b", file.read(2000))
+    return stated[1].decode() if stated else ""
+
+
+def metres_per_unit(units: str | float) -> float:
+    """The factor from a unit's name, or the factor itself, to metres."""
+    if isinstance(units, str):
+        if units not in METRES:
+            raise VisceraError(f"unknown unit {units!r}; {did_you_mean(units, METRES)}, or give metres per unit")
+        return METRES[units]
+    return Number("m", above=0)(units, "units, if they are metres per unit,")
+
+
+def _known_ending(path: Path) -> str:
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
+        raise VisceraError(f"{path}: unknown mesh format {ending!r}; the formats are {', '.join(FORMATS)}")
+    return ending
+
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
+    """Points, node indices of the cells by kind, node sets and cell sets."""
+    # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
+    with path.open("rb") as file:
+        head = file.read(1000).lstrip() if ending == ".msh" else b""
+    own = "gmsh1" if head.startswith(b"$NOD") else "abaqus" if ending == ".inp" else ""
+    reader = importlib.import_module(f"viscera.files.{own}" if own else f"meshio.{MESHIO_MODULES[ending]}")
+    if binary := re.search(rb"^\$MeshFormat\s+4(?!\.0)[\d.]*\s+1\s+([48])\s", head, re.MULTILINE):
+        _refuse_false_tags(path.read_bytes(), int(binary[1]))
+    names = gmsh_names.read(path) if ending == ".msh" else {}
+    with gmsh_names.with_distinct_names(path, names) as source:
+        found = reader.read(source)
+    if ending == ".vtk":
+        found.point_data, found.cell_data = (
+            {unquote(name): values for name, values in data.items()} for data in (found.point_data, found.cell_data)
+        )
+    declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None
+    if declared and int(declared[1]) != sum(len(block) for block in found.cells):  # meshio takes what it finds
+        raise VisceraError(f"cut short: it declares {int(declared[1])} cells and holds fewer")
+    kinds = dict.fromkeys(block.type for block in found.cells)
+    blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
+    sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
+    sets |= _sets_of_point_arrays(found)
+    groups = _sets_of_cell_groups(found, names)
+    sets |= {name: nodes for name, nodes in groups.items() if name not in sets}
+    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found, names)
+
+
+def _refuse_false_tags(data: bytes, size: int) -> None:
+    """Refuses a binary Gmsh file of version 4.1 with damaged node tags: meshio makes room for the largest."""
+    nodes = data.partition(b"$Nodes\n")[2]
+    unsigned = np.dtype(f"u{size}")
+    if not nodes:
+        return
+    n_blocks, declared, _, largest = np.frombuffer(nodes, unsigned, 4).tolist()
+    at, held = 4 * size, 0
+    for _ in range(n_blocks):
+        if np.frombuffer(nodes, np.int32, 3, at)[2]:  # parameters follow the coordinates, which meshio refuses
+            return
+        (count,) = np.frombuffer(nodes, unsigned, 1, at + 12).tolist()
+        at += 12 + size
+        tag = int(np.frombuffer(nodes, unsigned, count, at).max(initial=0))
+        # Some programs state the largest tag wrongly; one below the size of the file takes little memory.
+        if tag > max(largest, len(data)):
+            raise VisceraError(f"damaged: a node has the tag {tag}, and its header states {largest} as the largest")
+        at += count * (size + 24)
+        held += count
+    if held != declared:
+        raise VisceraError(f"damaged: its header declares {declared} nodes, and its blocks hold {held}")
+
+
+def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    """The tetrahedra, of 4 or 10 nodes. Surfaces, edges and vertices are ignored; other solid cells are refused."""
+    flat = ("vertex", "line", "triangle", "quad", "polygon")
+    found = [kind for kind in blocks if kind in ("tetra", "tetra10")]
+    solids = [kind for kind in blocks if kind not in found and not kind.startswith(flat)]
+    if solids:
+        kind = solids[0]
+        raise VisceraError(f"it holds {len(blocks[kind])} {kind} cells; only tetrahedra are read, remesh it")
+    if not found:
+        held = ", ".join(f"{len(cells)} {kind}" for kind, cells in blocks.items()) or "no cells at all"
+        raise VisceraError(f"it has no tetrahedra ({held})")
+    if len(found) == 2:
+        raise VisceraError("it mixes tetrahedra of 4 and of 10 nodes; remesh it with one kind")
+    return blocks[found[0]]
+
+
+def _without_midpoints(raw: RawMesh) -> RawMesh:
+    """Ten-node tetrahedra with straight edges as four-node ones; curved cells are refused."""
+    points, cells = raw.points, raw.cells
+    if cells.ndim != 2 or cells.shape[1] != 10:
+        return raw
+    if cells.min() < 0 or cells.max() >= len(points):
+        raise VisceraError(f"a cell names a point that is not one of {len(points)}")
+    for k, (a, b) in enumerate(EDGES, start=4):
+        ends, middle = (points[cells[:, a]], points[cells[:, b]]), points[cells[:, k]]
+        bend = np.linalg.norm(middle - 0.5 * (ends[0] + ends[1]), axis=1)
+        bent = np.flatnonzero(~(bend <= STRAIGHT * np.linalg.norm(ends[1] - ends[0], axis=1)))
+        if len(bent):
+            share = bend[bent[0]] / np.linalg.norm(ends[1] - ends[0], axis=1)[bent[0]]
+            raise VisceraError(
+                f"cell {bent[0]} is curved: the midpoint of an edge is {share:.2g} edge lengths off its middle; only "
+                "straight cells are read, remesh it with linear ones"
+            )
+    is_kept = np.ones(len(points), dtype=bool)
+    is_kept[cells[:, 4:]] = False
+    is_kept[cells[:, :4]] = True
+    number = np.cumsum(is_kept) - 1
+    sets = {name: number[nodes[is_kept[nodes]]] for name, nodes in raw.sets.items()}
+    message = "left out the midpoints of ten-node cells; the element P2 puts them back"
+    kept = {name: nodes for name, nodes in sets.items() if len(nodes)}
+    return RawMesh(points[is_kept], number[cells[:, :4]], kept, raw.cell_sets, (*raw.messages, message), raw.axes)
+
+
+def _sets_of_point_arrays(found: meshio.Mesh) -> Arrays:
+    sets: Arrays = {}
+    for name, values in found.point_data.items():
+        sets |= _sets_of_array("ref:0" if name == "medit:ref" else name, values)
+    return _informative(sets, len(found.points), _given(found.point_data))
+
+
+def _given(arrays: Iterable[str]) -> list[str]:
+    """The names of sets that `write` has made arrays of."""
+    return [name.removeprefix(SET_PREFIX) for name in arrays if name.startswith(SET_PREFIX)]
+
+
+def _sets_of_array(name: str, values: NDArray[Any]) -> Arrays:
+    """An integer array over points or cells: a mask names one set, a few labels name one set each (`ARRAY:LABEL`)."""
+    if values.ndim > 1 and values.shape[1:] == (1,):
+        values = values[:, 0]
+    if values.ndim != 1 or values.dtype.kind not in "iub":
+        return {}
+    is_mask = not name.startswith("ref:")  # what numbers a reference 1 is none
+    name = name.removeprefix(SET_PREFIX)
+    labels = np.unique(values)
+    labels = labels[labels != 0]
+    if labels.tolist() == [1] and is_mask:
+        return {name: np.flatnonzero(values)}
+    if len(labels) > MAX_SETS_PER_ARRAY:
+        return {}
+    return {f"{name}:{label}": np.flatnonzero(values == label) for label in labels.tolist()}
+
+
+def _informative(sets: Arrays, count: int, given: Collection[str]) -> Arrays:
+    """The sets, without those that contain everything and have no name of their own, as those given have."""
+    return {n: members for n, members in sets.items() if ":" not in n or n in given or len(members) < count}
+
+
+def _cell_sets(found: meshio.Mesh, groups: gmsh_names.Names) -> Arrays:
+    """Sets of tetrahedra: integer cell arrays, Gmsh's physical groups, Medit's references, named groups of cells."""
+    solid = [k for k, block in enumerate(found.cells) if block.type in ("tetra", "tetra10")]
+    names = {tag: name for (dim, tag), name in groups.items() if dim == 3}
+    sets: Arrays = {}
+    for key, arrays in found.cell_data.items():
+        values = np.concatenate([np.asarray(arrays[k]) for k in solid]) if solid else np.empty(0)
+        if key in ("gmsh:physical", "medit:ref"):
+            word = "physical" if key == "gmsh:physical" else "ref"
+            labels = np.unique(values[values != 0]).tolist()
+            sets |= {names.get(label, f"{word}:3:{label}"): np.flatnonzero(values == label) for label in labels}
+        elif key != "gmsh:geometrical":
+            sets |= _sets_of_array(key, values)
+    starts = np.cumsum([0, *(len(found.cells[k]) for k in solid)])
+    named = _named_groups(found, groups)
+    for name, per_block in named:
+        chosen = [(start, per_block[k]) for start, k in zip(starts, solid, strict=False)]
+        members = [start + np.asarray(c, dtype=np.int64) for start, c in chosen if c is not None and len(c)]
+        if members:
+            sets[name] = np.concatenate(members)
+    return _informative(sets, int(starts[-1]), [*names.values(), *dict(named), *_given(found.cell_data)])
+
+
+def _named_groups(found: meshio.Mesh, names: gmsh_names.Names) -> list[tuple[str, list[Any]]]:
+    """The groups of cells that Gmsh 4 and Abaqus name outright, with their members in each block."""
+    spelt = gmsh_names.keys(names)
+    groups = {key: per_block for key, per_block in found.cell_sets.items() if key != "gmsh:bounding_entities"}
+    return [(spelt.get(key, key), per_block) for key, per_block in groups.items()]
+
+
+def _sets_of_cell_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Arrays:
+    """Nodes of named and numbered groups of cells of any dimension: Gmsh's physical groups, Medit's references.
+
+    Of a name that groups of solid cells share with groups of faces, edges or vertices, the nodes of the latter.
+    """
+    members: dict[str, tuple[list[NDArray[Any]], list[NDArray[Any]]]] = {}
+    for key, word in (("gmsh:physical", "physical"), ("medit:ref", "ref")):
+        for block, groups in zip(found.cells, found.cell_data.get(key, []), strict=False):
+            for tag in np.unique(groups[groups != 0]).tolist():
+                name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
+                members.setdefault(name, ([], []))[block.dim == 3].append(block.data[groups == tag].ravel())
+    named = _named_groups(found, names)
+    for name, per_block in named:  # an entity of Gmsh may be in several
+        pairs = [(block, np.asarray(c)) for block, c in zip(found.cells, per_block, strict=False) if c is not None]
+        held = [(block, chosen.astype(np.int64)) for block, chosen in pairs if len(chosen)]
+        is_solid = all(block.dim == 3 for block, _ in held)
+        if held:
+            nodes = [block.data[chosen].ravel() for block, chosen in held]
+            members.setdefault(name, ([], []))[is_solid].extend(nodes)
+    sets = {name: np.unique(np.concatenate(flat or solid)) for name, (flat, solid) in members.items()}
+    return _informative(sets, len(found.points), [*names.values(), *dict(named)])
+
+
+def _mask(members: NDArray[Any], count: int) -> NDArray[np.uint8]:
+    mask = np.zeros(count, dtype=np.uint8)
+    mask[members] = 1
+    return mask

@@ -1,0 +1,156 @@
+"""The answer of a reduced model to one touch: force, stiffness, field, error estimates, and whether it is trusted."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viscera.deformed import Deformed
+from viscera.mesh import Floats, Mesh, Where
+from viscera.reduced.parts import Target, target
+
+if TYPE_CHECKING:
+    from viscera.organ import Organ
+    from viscera.reduced.touch import Touch
+
+UNBALANCED = 0.15
+"""Part of stress that may be unbalanced."""
+
+
+class Answer(Deformed):
+    """The answer of a reduced model to a touch: force, stiffness, displacement and error estimates.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> touch = beam.reduce("tip", depth="2%", order=2)
+    >>> answer = touch((1, 0.1, 0.1), displacement=(0, 0, -0.01))
+    >>> answer.is_trusted, answer.force.round(3).tolist()
+    (True, [0.242, -0.034, -0.498])
+    >>> f"{1e3 * answer.max_displacement:.1f} mm"
+    '10.1 mm'
+    """
+
+    def __init__(self, model: Touch, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
+        self._model, self._touch = model, (point, displacement)
+        self.force: Floats = result["force"]
+        """Force (3,) [N] of the tool on the organ."""
+        self.stiffness: Floats = result["stiffness"]
+        """Derivative (3, 3) [N/m] of the force with respect to the contact displacement."""
+        self.error_estimate: float = result["error_estimate"]
+        """Estimated error of the force, relative to its norm; at most 1."""
+        self.is_trusted: bool = result["is_trusted"]
+        """Whether force and stiffness may be relied on."""
+        self.reason: str = result["reason"]
+        """Why force and stiffness are not trusted; empty if they are."""
+        self.shape_error_estimate: float = result["shape_error_estimate"]
+        """Estimated error of the displacement field, relative to its norm; at most 1.
+
+        It is at least the error of the force, and includes the loss by compression, which does not affect the force.
+        """
+        self.is_shape_trusted: bool = result["is_shape_trusted"]
+        """Whether the displacement may be relied on."""
+        self.shape_reason: str = result["shape_reason"]
+        """Why the displacement is not trusted; empty if it is."""
+        self.contact_point: Floats = result["contact_point"]
+        """The point (3,) [m] of the touchable surface that is touched."""
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement of all nodes (n, 3) [m], evaluated on first access: a haptic loop needs only the force."""
+        return np.asarray(self._model._model.evaluate(*self._touch, True)["displacement"])
+
+    @cached_property
+    def energy(self) -> float:
+        """Energy [J] that the touch has put into the organ: W = int_0^1 F(t d) . d dt, the work of the tool's force.
+
+        It is stored in the tissue and its elastic supports; under a preload also in the dead load. Its error is of the
+        size of that of the force (`error_estimate`).
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> answer = touch((1, 0.1, 0.1), displacement=(0, 0, -0.01))
+        >>> stored = answer.energy_density() @ touch.mesh.facts["cell_volumes"]
+        >>> f"{1e3 * answer.energy:.2f} mJ, {1e3 * stored:.2f} mJ in the tissue"
+        '2.49 mJ, 2.49 mJ in the tissue'
+        """
+        return self._model._model.energy(*self._touch)
+
+    @cached_property
+    def stress_error_estimate(self) -> float:
+        """Estimated error of stress and pressure, relative to their norm: what they leave unbalanced; hardly above 1.
+
+        (sum_n |f_n(u) - f_n(u_0)|^2)^1/2 / (sum_c,a |V_c P_c grad N_a|^2)^1/2: the nodal forces of the touch over nodes
+        that are neither held nor touched, and those of every cell alone on its corners; u_0 is the preload. In nearly
+        incompressible tissue pressure feels errors of the displacement that force, shape and von Mises stress do not.
+        Above 0.15 `stress`, `pressure` and `write` warn. Infinite where the law has no stress, as in a cell that is
+        inside out.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> answer = beam.reduce("tip", depth="2%", order=2)((1, 0.1, 0.1), displacement=(0, 0, -0.01))
+        >>> 0 < answer.stress_error_estimate < 0.1
+        True
+        """
+        organ, displacement = self._from_rest()
+        before = displacement - self.displacement
+        forces = [organ._body.internal_force(np.ascontiguousarray(u)).reshape(-1, 3) for u in (displacement, before)]
+        left = forces[0] - forces[1]
+        left[organ.fixed] = 0.0
+        left[self._model.patch(self.contact_point).nodes] = 0.0
+        size = float(np.linalg.norm(self._response.corner_forces()))
+        if not np.isfinite(size) or not np.isfinite(left).all():
+            return np.inf
+        return float(np.linalg.norm(left)) / size if size > 0.0 else 0.0
+
+    def _expect_stress(self) -> None:
+        if self.stress_error_estimate > UNBALANCED:
+            warnings.warn(
+                f"the stress of this answer is not balanced, by {100 * self.stress_error_estimate:.0f} % of its norm, "
+                "so its pressure is not to be relied on: in nearly incompressible tissue it feels errors that force, "
+                "shape and von Mises stress do not; solve for it, as in "
+                "touch.organ().solve(displacement={touch.patch(point): d})",
+                stacklevel=3,
+            )
+
+    def _expect_deviatoric_stress(self) -> None:
+        pass
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self._model.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self._model._whole(self.displacement)
+
+    def target(self, where: Where) -> Target:
+        """How far a part of the organ moves: a cell set by name, such as a tumour, or any cells as in `Mesh.cells_in`.
+
+        It is the mean displacement of the surface of these cells, by area, with a band that contains that of the full
+        solution in 95 of 100 touches; see `Target`.
+
+        >>> import viscera as vs
+        >>> mesh = vs.organs.beam().with_cell_sets(core="x > 70% and x < 80%")
+        >>> beam = vs.Organ(mesh, vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> target = touch((1, 0.1, 0.1), (0, 0, -0.01)).target("core")
+        >>> 0 < target.band < 0.01 * target.distance
+        True
+        """
+        mesh, surface = self._model.mesh, self._model.surface_nodes
+        trust = (self.shape_error_estimate, self.is_shape_trusted)
+        return target(mesh, mesh.cells_in(where), self.displacement, surface, *trust)
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest displacement of a node [m]."""
+        return float(np.linalg.norm(self.displacement, axis=1).max())
+
+    def __repr__(self) -> str:
+        if self.is_trusted and not self.is_shape_trusted:
+            trust = f"trusted; its shape is not: {self.shape_reason}"
+        else:
+            trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
+        return f"Answer(force={np.round(self.force, 4).tolist()} N, {trust})"

@@ -1,0 +1,384 @@
+"""A displacement on the grid of an image, and images moved by it: NIfTI, NRRD, MetaImage (`pip install SimpleITK`).
+
+World axes are right, anterior, superior (RAS) or left, posterior, superior (LPS); they differ in the sign of x and y.
+A mesh is in metres in either. Files of images are read and written by SimpleITK, which uses LPS and millimetres.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.files.atomic import replacing, writable
+from viscera.mesh import Floats, Indices, Mesh
+from viscera.quantity import Choice, Number, path_of, refused
+from viscera.scans.image import nifti_affine, unit_of
+from viscera.scans.scan import Scan
+
+AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
+"""Signs that turn coordinates into LPS and back."""
+FORMATS = (".nii", ".nii.gz", ".nrrd", ".mha")
+INTERPOLATIONS = ("linear", "nearest")
+MM = 1e-3
+CHUNK = 1 << 20
+"""Voxels looked up at once."""
+EIGHT = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8],
+                  [4, 9, 8, 5]])  # fmt: skip
+"""The eight linear cells that replace a quadratic one."""
+
+
+def sitk() -> Any:
+    """The library of images; raises `VisceraError` if it is not installed."""
+    try:
+        import SimpleITK
+    except ImportError:
+        raise VisceraError("images need the package SimpleITK: pip install SimpleITK") from None
+    return SimpleITK
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where the voxels of an image are: index (i, j, k) at `origin + matrix @ index`."""
+
+    shape: tuple[int, int, int]
+    """Voxels along i, j, k."""
+    matrix: Floats
+    """Steps between voxels, one column for each of i, j, k (3, 3) [m]."""
+    origin: Floats
+    """Centre of voxel (0, 0, 0) (3,) [m]."""
+    axes: str
+    """"RAS" or "LPS", the world axes of both and of the mesh."""
+
+    @staticmethod
+    def of(image: str | os.PathLike[str] | Any, axes: str = "RAS") -> Grid:
+        """The grid of an image file, of a `Scan`, or of a SimpleITK image, in the world axes of the mesh."""
+        Choice(AXES)(axes, "the axes")
+        if isinstance(image, Scan):
+            affine = _right_angled(image.in_axes(axes).affine, "the scan")
+            size = image.values.shape
+            return Grid((size[0], size[1], size[2]), affine[:, :3], affine[:, 3], axes)
+        if isinstance(image, str | os.PathLike):
+            image = read(image)
+        if not hasattr(image, "GetDirection") or image.GetDimension() != 3:
+            raise refused("the image", "a file, a Scan, or a SimpleITK image of three dimensions", image)
+        sign = MM * AXES[axes]
+        direction = np.array(image.GetDirection()).reshape(3, 3)
+        matrix = sign[:, None] * direction * np.array(image.GetSpacing())
+        size = image.GetSize()
+        return Grid((size[0], size[1], size[2]), matrix, sign * np.array(image.GetOrigin()), axes)
+
+    @property
+    def spacing(self) -> Floats:
+        """Distance of voxels along i, j, k (3,) [m]."""
+        return np.asarray(np.linalg.norm(self.matrix, axis=0))
+
+    def index(self, places: Floats) -> Floats:
+        """Indices (..., 3), fractions and those outside included, of places (..., 3) [m]."""
+        return np.asarray((places - self.origin) @ np.linalg.inv(self.matrix).T)
+
+    def places(self, index: NDArray[Any]) -> Floats:
+        """Places (..., 3) [m] of indices (..., 3)."""
+        return np.asarray(self.origin + index @ self.matrix.T)
+
+    def part(self, first: NDArray[Any], shape: tuple[int, int, int]) -> Grid:
+        """The grid of some of its voxels, from index `first` (3,) on."""
+        return replace(self, shape=shape, origin=self.places(np.asarray(first)))
+
+    def image(self, voxels: NDArray[Any]) -> Any:
+        """Voxels (i, j, k) or (i, j, k, 3) as a SimpleITK image."""
+        axes = (2, 1, 0, 3)[: voxels.ndim]
+        image = sitk().GetImageFromArray(np.ascontiguousarray(voxels.transpose(axes)), isVector=voxels.ndim == 4)
+        sign = AXES[self.axes]
+        image.SetOrigin((sign * self.origin / MM).tolist())
+        image.SetSpacing((self.spacing / MM).tolist())
+        image.SetDirection((sign[:, None] * self.matrix / self.spacing).ravel().tolist())
+        return image
+
+
+def axes_of(mesh: Mesh, axes: str | None) -> str:
+    """The world axes of a mesh: those given, those that it states, or "RAS"; raises `VisceraError` if they differ."""
+    if axes is None:
+        return mesh.axes or "RAS"
+    Choice(AXES)(axes, "the axes")
+    if mesh.axes and mesh.axes != axes:
+        raise VisceraError(
+            f"the axes are {axes}, and the mesh comes from a scan in {mesh.axes}: leave the axes out, or take a mesh "
+            "that states none"
+        )
+    return axes
+
+
+@dataclass(frozen=True)
+class Field:
+    """A displacement at the voxels of a part of an image: the box around the organ."""
+
+    grid: Grid
+    """The grid of the box."""
+    first: NDArray[np.int64]
+    """Index (3,) of its first voxel in the image."""
+    displacement: Floats
+    """Displacement (i, j, k, 3) [m] at voxels; zero where it is not known."""
+    inside: NDArray[np.bool_]
+    """Whether a voxel's centre (i, j, k) is in the organ."""
+    is_known: NDArray[np.bool_]
+    """Whether there is a displacement: inside, and within the margin."""
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """The field as a vector image of millimetres in LPS, as ITK and 3D Slicer read displacement fields."""
+        vectors = AXES[self.grid.axes] * self.displacement / MM
+        write(path, self.grid.image(vectors.astype(np.float32)))
+
+    def write_mask(self, path: str | os.PathLike[str]) -> None:
+        """Where the field is known: 2 in the organ, 1 in the margin around it, 0 elsewhere."""
+        write(path, self.grid.image(self.is_known.astype(np.uint8) + self.inside.astype(np.uint8)))
+
+
+def on_grid(
+    mesh: Mesh, displacement: Floats, grid: Grid, *, inverse: bool = False, margin: float | None = None
+) -> Field:
+    """The displacement of an organ at the voxels of a grid, linear between its nodes.
+
+    Forward, at a voxel X of the organ before it moves: x = X + u(X). With `inverse`, at a voxel x of the moved organ:
+    X = x + v(x), which is needed to resample an image.
+    margin: distance [m] from the surface up to which a voxel outside moves with the nearest point of the surface. By
+        default it is the diagonal of a voxel, so that an organ whose edge in the image differs a little from the mesh
+        moves as a whole, and interpolation of the field finds a displacement on both sides of the surface.
+    Raises `VisceraError` if no voxel lies in the organ.
+    """
+    reach = float(np.linalg.norm(grid.spacing)) if margin is None else Number("m", low=0)(margin, "the margin")
+    moved = mesh.points + displacement
+    source, vectors = (moved, -displacement) if inverse else (mesh.points, displacement)
+    low, high = _box(grid, source, reach)
+    shape = tuple(int(n) for n in high - low)
+    box = grid.part(low, (shape[0], shape[1], shape[2]))
+    cells = _linear_cells(mesh)
+    locator = _core.Locator(source, cells)
+    field, inside = np.zeros((*box.shape, 3)), np.zeros(box.shape, dtype=bool)
+    rows = max(1, CHUNK // (shape[1] * shape[2]))
+    for start in range(0, shape[0], rows):
+        block = slice(start, min(start + rows, shape[0]))
+        index = np.stack(np.meshgrid(np.arange(block.start, block.stop), *map(np.arange, shape[1:]), indexing="ij"), -1)
+        found, weights = locator.find(box.places(index).reshape(-1, 3))
+        held = found >= 0
+        values = np.zeros((len(found), 3))
+        values[held] = np.einsum("ka,kai->ki", weights[held], vectors[cells[found[held]]])
+        field[block], inside[block] = values.reshape(*index.shape), held.reshape(index.shape[:-1])
+    if not inside.any():
+        raise VisceraError(
+            f"no voxel of the image lies in the organ, which spans {_span(source)} m in {grid.axes}; the image spans "
+            f"{_span(grid.places(_corners(grid.shape)))} m: are they of one scan, and are the mesh's axes {grid.axes}?"
+        )
+    is_known = _extended(box, field, inside, source, mesh.surface, vectors, reach)
+    return Field(box, low, field, inside, is_known)
+
+
+def _box(grid: Grid, points: Floats, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First voxel, and one past the last, of the box around the points and their surroundings."""
+    index = grid.index(points)
+    more = reach * np.linalg.norm(np.linalg.inv(grid.matrix), axis=1) + 1.0
+    low = np.clip(np.floor(index.min(axis=0) - more), 0, np.array(grid.shape) - 1)
+    high = np.clip(np.ceil(index.max(axis=0) + more) + 1, low + 1, grid.shape)
+    return low.astype(np.int64), high.astype(np.int64)
+
+
+def _linear_cells(mesh: Mesh) -> Indices:
+    """Cells between neighbouring nodes: eight for a quadratic one."""
+    if not len(mesh.edges):
+        return mesh.cells
+    return np.ascontiguousarray(_core.quadratic(mesh.n_corners, mesh.cells)[1][:, EIGHT].reshape(-1, 4))
+
+
+def _extended(
+    box: Grid,
+    field: Floats,
+    inside: NDArray[np.bool_],
+    points: Floats,
+    triangles: Indices,
+    vectors: Floats,
+    reach: float,
+) -> NDArray[np.bool_]:
+    """Gives voxels within reach of the surface the displacement of its nearest point, in place; which ones have one."""
+    steps = np.ceil(reach * np.linalg.norm(np.linalg.inv(box.matrix), axis=1)).astype(int)
+    near: NDArray[np.bool_] = inside.copy()
+    for axis, count in enumerate(steps):
+        near = _spread(near, axis, int(count))
+    surface = _core.Surface(points, triangles)
+    index = np.argwhere(near & ~inside)
+    is_known: NDArray[np.bool_] = inside.copy()
+    for (i, j, k), place in zip(index.tolist(), box.places(index), strict=True):
+        triangle, weights, distance = surface.closest(place)
+        if distance <= reach:
+            field[i, j, k] = np.asarray(weights) @ vectors[triangles[triangle]]
+            is_known[i, j, k] = True
+    return is_known
+
+
+def _spread(mask: NDArray[np.bool_], axis: int, count: int) -> NDArray[np.bool_]:
+    """What lies within so many voxels of a mask along an axis."""
+    wide: NDArray[np.bool_] = mask.copy()
+    for step in range(1, min(count, mask.shape[axis] - 1) + 1):
+        ahead, behind = [slice(None)] * 3, [slice(None)] * 3
+        ahead[axis], behind[axis] = slice(step, None), slice(None, -step)
+        wide[tuple(ahead)] |= mask[tuple(behind)]
+        wide[tuple(behind)] |= mask[tuple(ahead)]
+    return wide
+
+
+def _corners(shape: tuple[int, int, int]) -> NDArray[np.int64]:
+    return np.array([[0, 0, 0], [n - 1 for n in shape]])
+
+
+def _span(places: Floats) -> str:
+    low, high = places.min(axis=0), places.max(axis=0)
+    return f"{np.round(low, 3).tolist()} to {np.round(high, 3).tolist()}"
+
+
+def warp(
+    image: Any, forward: Field, inverse: Field, *, interpolation: str = "linear", background: float | None = None
+) -> Any:
+    """An image (SimpleITK) of the moved organ: a voxel x of it takes the value that was at X = x + v(x).
+
+    interpolation: "linear", or "nearest" for label maps. Voxels that the organ has left take `background`, by default
+    the smallest value of the image. All others keep their values, since the motion around the organ is not known.
+    Raises `VisceraError` if the image has several values at a voxel.
+    """
+    Choice(INTERPOLATIONS)(interpolation, "the interpolation")
+    if image.GetNumberOfComponentsPerPixel() > 1:
+        raise VisceraError("the image has several values at a voxel; give one of a single value")
+    voxels = sitk().GetArrayFromImage(image).transpose(2, 1, 0)
+    empty = voxels.min() if background is None else background
+    if not _holds(voxels.dtype, empty):
+        raise VisceraError(f"the background {empty} is no value of an image of {voxels.dtype}")
+    left, covered = (np.argwhere(field.is_known) + field.first for field in (forward, inverse))
+    values = _sampled(voxels, covered + _steps(inverse), interpolation, float(empty))
+    moved = voxels.copy()
+    moved[tuple(left.T)] = empty
+    is_whole = np.issubdtype(voxels.dtype, np.integer)
+    moved[tuple(covered.T)] = (np.rint(values) if is_whole else values).astype(voxels.dtype)
+    warped = sitk().GetImageFromArray(np.ascontiguousarray(moved.transpose(2, 1, 0)))
+    warped.CopyInformation(image)
+    return warped
+
+
+def _holds(kind: np.dtype[Any], value: Any) -> bool:
+    if not np.issubdtype(kind, np.integer):
+        return bool(np.isfinite(value))
+    return float(value).is_integer() and np.iinfo(kind).min <= value <= np.iinfo(kind).max
+
+
+def _steps(field: Field) -> Floats:
+    """The displacement (k, 3) of known voxels in voxels."""
+    return np.asarray(field.displacement[field.is_known] @ np.linalg.inv(field.grid.matrix).T)
+
+
+def _sampled(voxels: NDArray[Any], index: Floats, interpolation: str, empty: float) -> Floats:
+    """Values (k,) of an image at indices (k, 3); `empty` outside."""
+    size = np.array(voxels.shape)
+    values = np.full(len(index), empty)
+    inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1)
+    at = index[inside]
+    if interpolation == "nearest":
+        values[inside] = voxels[tuple(np.rint(at).astype(np.int64).T)]
+        return values
+    at = np.clip(at, 0, size - 1)
+    low = np.minimum(np.floor(at).astype(np.int64), np.maximum(size - 2, 0))
+    part = at - low
+    total = np.zeros(len(at))
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, part, 1.0 - part), axis=1)
+        total += weight * voxels[tuple(np.minimum(low + corner, size - 1).T)]
+    values[inside] = total
+    return values
+
+
+def read(path: str | os.PathLike[str]) -> Any:
+    """A volume image as SimpleITK holds it; raises `VisceraError` if the file is missing, damaged or no volume."""
+    name = str(path_of(path, "the image"))
+    _ending(name)
+    if not Path(name).is_file():
+        raise VisceraError(f"{name}: no such image")
+    affine = _affine_as_scans(name) if name.lower().endswith((".nii", ".nii.gz")) else None
+    try:
+        image = sitk().ReadImage(name)
+    except RuntimeError as error:
+        raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
+    if image.GetDimension() != 3:
+        raise VisceraError(f"{name}: has {image.GetDimension()} dimensions; a volume has 3, so take one of its frames")
+    if affine is not None:
+        matrix, sign = affine[:, :3], AXES["RAS"]
+        spacing = np.linalg.norm(matrix, axis=0)
+        image.SetSpacing((spacing / MM).tolist())
+        image.SetOrigin((sign * affine[:, 3] / MM).tolist())
+        image.SetDirection((sign[:, None] * matrix / spacing).ravel().tolist())
+        return image
+    try:
+        scale = unit_of(Path(name)) / MM
+    except VisceraError as error:
+        raise VisceraError(f"{name}: {error}") from None
+    image.SetSpacing((scale * np.array(image.GetSpacing())).tolist())
+    image.SetOrigin((scale * np.array(image.GetOrigin())).tolist())
+    return image
+
+
+def _affine_as_scans(name: str) -> Floats:
+    """The affine map (3, 4) [m] by which `viscera.scan` places a NIfTI image: its sform. ITK may prefer the qform."""
+    try:
+        affine = nifti_affine(Path(name))
+    except VisceraError:
+        raise
+    except Exception as error:  # nibabel raises whatever its parser meets
+        raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
+    return _right_angled(affine, name)
+
+
+def _right_angled(affine: Floats, name: str) -> Floats:
+    """The affine map; raises `VisceraError` if the axes of its voxels are not at right angles, as those of ITK are."""
+    steps = affine[:, :3]
+    squares = steps.T @ steps
+    sizes = np.sqrt(np.diag(squares))
+    if not (sizes.min() > 0.0 and (np.abs(squares - np.diag(sizes**2)) <= 1e-4 * np.outer(sizes, sizes)).all()):
+        raise VisceraError(
+            f"{name}: its voxels are sheared or flat, which those of an image that is deformed here cannot be; "
+            "resample it to a grid with right angles"
+        )
+    return affine
+
+
+def write(path: str | os.PathLike[str], image: Any) -> None:
+    """An image in the format of the ending, whole or not at all."""
+    name = str(path_of(path, "the file to write"))
+    ending = _ending(name)
+    with replacing(name) as scratch:
+        # A scratch file keeps only the last ending. It stands once alone: ITK makes one `.nii` of two.
+        whole = scratch.with_name(scratch.stem + ending)
+        try:
+            sitk().WriteImage(image, os.fspath(whole), useCompression=True)
+            os.replace(whole, scratch)
+        except BaseException:
+            whole.unlink(missing_ok=True)
+            raise
+
+
+def checked(path: str | os.PathLike[str]) -> Path:
+    """The path. It is an error if its format or its folder cannot take an image; call this before long work."""
+    _ending(str(path_of(path, "the file to write")))
+    return writable(path)
+
+
+def _ending(name: str) -> str:
+    ending = next((ending for ending in FORMATS if name.lower().endswith(ending)), None)
+    if ending is None:
+        raise VisceraError(f"{name}: no image format is known by this ending; known: {', '.join(FORMATS)}")
+    return ending
+
+
+def _reason(error: Exception) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1] if lines else type(error).__name__

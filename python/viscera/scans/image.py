@@ -1,0 +1,188 @@
+"""Image files: NIfTI through nibabel, NRRD and MetaImage through SimpleITK, DICOM segmentations through highdicom."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera.errors import VisceraError
+from viscera.files.atomic import replacing
+from viscera.mesh import Floats
+from viscera.scans import nrrdspace
+
+FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
+WRITTEN = (".nii", ".nii.gz", ".nrrd", ".mha")
+"""The formats of one file each: a header without its data would be worth nothing."""
+MM = 1e-3
+"""Files are in millimetres [m], unless they say otherwise."""
+
+
+def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
+    """Values (i, j, k, ...), affine map (3, 4) [m] and world axes of an image file."""
+    ending = ending_of(path)
+    try:
+        if ending in (".nii", ".nii.gz"):
+            image = _library("nibabel").load(path)
+            values = np.asanyarray(image.dataobj)
+            while values.ndim > 3 and values.shape[-1] == 1:
+                values = values[..., 0]
+            return values, _affine(image), "RAS"
+        sitk = _library("SimpleITK")
+        image = sitk.ReadImage(str(path))
+    except VisceraError:
+        raise
+    except Exception as error:  # the readers raise whatever their parsers meet
+        reason = " ".join(str(error).split())[-200:]
+        raise VisceraError(f"not a readable {ending} image ({reason})") from error
+    n = image.GetDimension()
+    values = sitk.GetArrayFromImage(image)
+    is_vector = image.GetNumberOfComponentsPerPixel() > 1
+    values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
+    if n != 3:
+        return values, np.eye(3, 4), "LPS"
+    direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+    return values, unit_of(path) * np.column_stack([direction, image.GetOrigin()]), "LPS"
+
+
+def unit_of(path: Path) -> float:
+    """Metres per unit of the positions that SimpleITK reads from a file; raises `VisceraError` as `nrrdspace` does."""
+    return nrrdspace.metres_per_unit(path) if ending_of(path) in (".nrrd", ".nhdr") else MM
+
+
+def nifti_affine(path: Path) -> Floats:
+    """The affine map (3, 4) [m] of a NIfTI image in RAS, of which nothing else is read."""
+    return _affine(_library("nibabel").load(path))
+
+
+def _affine(image: Any) -> Floats:
+    unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
+    return np.asarray(unit * image.affine[:3])
+
+
+EMPTY = 2
+"""Slices without labels that are put back at either end of a segmentation that left some out."""
+
+
+def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, str]]:
+    """A DICOM segmentation: labels, affine map (3, 4) [m], axes, names of its segments, which may not overlap."""
+    highdicom = _library("highdicom")
+    try:
+        found = highdicom.seg.segread(path)
+        names = {n: str(found.get_segment_description(n).segment_label) for n in found.segment_numbers}
+        volume = _one_label_each(found, names)
+    except VisceraError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())[-200:]
+        raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
+    array, affine = volume.array, MM * volume.affine[:3]
+    if _n_source_images(found) > len(array):
+        array, affine = _with_empty_ends(array, affine)
+    return array, affine, "LPS", names
+
+
+def _one_label_each(segmentation: Any, names: dict[int, str]) -> Any:
+    """The volume of labels; raises `VisceraError` if voxels have several, or a fraction of one."""
+    try:
+        return segmentation.get_volume(combine_segments=True)
+    except ValueError:
+        if str(segmentation.SegmentationType) != "FRACTIONAL":
+            raise
+        raise VisceraError(
+            "it says how much of each voxel its segments hold (a fractional segmentation), and labels are all or "
+            "nothing; save it as a binary segmentation or as a label map, such as .nii.gz"
+        ) from None
+    except RuntimeError as error:  # left before the next question: what it holds on to locks the table of frames
+        reason = str(error)
+    shared = _overlaps(segmentation)
+    if not shared:
+        raise RuntimeError(reason)
+    (first, second), count = shared.most_common(1)[0]
+    more = " (and others elsewhere)" if len(shared) > 1 else ""
+    raise VisceraError(
+        f"its segments {first} {names[first]!r} and {second} {names[second]!r} overlap in {count} voxels{more}, "
+        "and a voxel has one label; cut one out of the other, or save each in a file of its own"
+    )
+
+
+def _overlaps(segmentation: Any) -> Counter[tuple[int, int]]:
+    """Number of voxels of pairs of segments that overlap; of three in one voxel, pairs with the first."""
+    masks = segmentation.get_volume(combine_segments=False).array > 0
+    owner = np.zeros(masks.shape[:3], dtype=np.int64)
+    shared: Counter[tuple[int, int]] = Counter()
+    for place, number in enumerate(segmentation.segment_numbers):
+        mask = masks[..., place]
+        held = owner[mask & (owner > 0)]
+        shared.update(
+            {(int(n), int(number)): int(count) for n, count in zip(*np.unique(held, return_counts=True), strict=True)}
+        )
+        owner[mask & (owner == 0)] = number
+    return shared
+
+
+def _n_source_images(segmentation: Any) -> int:
+    """Number of images, one for each slice, in which the segments were drawn; 0 if the file does not say."""
+    series = getattr(segmentation, "ReferencedSeriesSequence", ())
+    images = [image for one in series for image in getattr(one, "ReferencedInstanceSequence", ())]
+    return len({str(image.ReferencedSOPInstanceUID) for image in images})
+
+
+def _with_empty_ends(array: NDArray[Any], affine: Floats) -> tuple[NDArray[Any], Floats]:
+    """With two slices on either side, since the file leaves out some without labels.
+
+    At which end they were it does not say, so an organ at an end counts as whole there.
+    """
+    padded = np.pad(array, ((EMPTY, EMPTY), (0, 0), (0, 0)))
+    moved = affine.copy()
+    moved[:, 3] -= EMPTY * affine[:, 0]
+    return padded, moved
+
+
+def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> None:
+    """Write a label map, placed by its affine map (3, 4) [m] in either kind of axes: each format has its own."""
+    ending = ending_of(path, WRITTEN)
+    values = np.ascontiguousarray(values)
+    with replacing(path) as scratch:
+        if ending in (".nii", ".nii.gz"):
+            image = _library("nibabel").Nifti1Image(values, np.vstack([ras / MM, [0.0, 0.0, 0.0, 1.0]]))
+            image.header.set_xyzt_units("mm")
+            # A scratch file keeps only the last ending, which would not be compressed.
+            scratch.write_bytes(_compressed(image.to_bytes(), ending))
+            return
+        sitk = _library("SimpleITK")
+        affine = lps / MM
+        image = sitk.GetImageFromArray(values.transpose(2, 1, 0))
+        spacing = np.linalg.norm(affine[:, :3], axis=0)
+        image.SetSpacing(spacing.tolist())
+        image.SetOrigin(affine[:, 3].tolist())
+        image.SetDirection((affine[:, :3] / spacing).ravel().tolist())
+        sitk.WriteImage(image, str(scratch), True)
+
+
+def ending_of(path: Path, formats: tuple[str, ...] = FORMATS) -> str:
+    """The ending of an image file, or the sentence that lists those there are."""
+    name = path.name.lower()
+    found = [ending for ending in formats if name.endswith(ending)]
+    if not found:
+        what = "unknown image format" if formats is FORMATS else "images are not written in that format"
+        raise VisceraError(f"{path}: {what}; the formats are {', '.join(formats)}")
+    return max(found, key=len)
+
+
+def _compressed(data: bytes, ending: str) -> bytes:
+    import gzip
+
+    return gzip.compress(data, mtime=0) if ending.endswith(".gz") else data
+
+
+def _library(name: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise VisceraError(f"this image needs the package {name}: pip install {name}") from None

@@ -1,0 +1,1 @@
+"""Real time: an organ in steps of time, while hands hold it."""
