@@ -273,8 +273,9 @@ def _misplaced(found: Mesh, own: NDArray[np.uint16], affine: Floats, labels: Seq
     """The parts of which much volume is in other places than that of their voxels."""
     messages = []
     for (name, cells), label, edge in zip(found.cell_sets.items(), labels, edges, strict=True):
-        volume = float(found.facts["cell_volumes"][cells].sum())
-        off = misplaced(own == label, affine, found.points, found.cells[cells], float(edge))
+        volumes = found.facts["cell_volumes"][cells]
+        volume = float(volumes.sum())
+        off = misplaced(own == label, affine, found.points, found.cells[cells], volumes, float(edge))
         if off > MISPLACED * volume:
             messages.append(
                 f"{name!r} is too thick in some places and too thin in others: {1e6 * off:.2g} of its "
