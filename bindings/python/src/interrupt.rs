@@ -13,7 +13,8 @@ use viscera_core::body::Body;
 /// How often Python's signals are looked at.
 const EVERY: Duration = Duration::from_millis(50);
 
-type Work<'w, T> = dyn FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send + 'w;
+/// The exception that a signal has raised, and what the work has found, unless it broke off.
+type Watched<T> = (Option<PyErr>, Option<Result<T, Error>>);
 
 /// Runs work on another thread, without the interpreter, and cancels it when a signal, such as Ctrl-C, has raised an
 /// exception.
@@ -21,7 +22,7 @@ pub fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    conclude(threads::detached(py, || watched(Box::new(work)))?)
+    outcome(threads::detached(py, || watched(work))?)
 }
 
 /// The same for work on a body, see [`threads::detached_for`].
@@ -30,19 +31,21 @@ pub fn interruptible_for<T: Send>(
     body: &Body,
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    conclude(threads::detached_for(py, body, || watched(Box::new(work)))?)
+    outcome(threads::detached_for(py, body, || watched(work))?)
 }
 
-/// The exception that a signal has raised, and the outcome, unless the work broke off.
-fn watched<T: Send>(work: Box<Work<'_, T>>) -> (Option<PyErr>, Option<Result<T, Error>>) {
+/// Waits for work on another thread, and looks at the signals meanwhile.
+fn watched<T: Send>(
+    work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
+) -> Watched<T> {
     let (is_wanted, mut raised) = (AtomicBool::new(true), None);
-    let outcome = thread::scope(|scope| {
+    let found = thread::scope(|scope| {
         let (wanted, (say, done)) = (&is_wanted, channel());
         // Whoever waits for it is there until it comes.
         scope.spawn(move || _ = say.send(work(&|| wanted.load(Ordering::Relaxed))));
         loop {
             match done.recv_timeout(EVERY) {
-                Ok(outcome) => return Some(outcome),
+                Ok(found) => return Some(found),
                 Err(RecvTimeoutError::Disconnected) => return None,
                 Err(RecvTimeoutError::Timeout) => {}
             }
@@ -52,13 +55,14 @@ fn watched<T: Send>(work: Box<Work<'_, T>>) -> (Option<PyErr>, Option<Result<T, 
             }
         }
     });
-    (raised, outcome)
+    (raised, found)
 }
 
-fn conclude<T>((raised, outcome): (Option<PyErr>, Option<Result<T, Error>>)) -> PyResult<T> {
-    match (raised, outcome) {
+/// An exception comes before what was found.
+fn outcome<T>(watched: Watched<T>) -> PyResult<T> {
+    match watched {
         (Some(error), _) => Err(error),
-        (None, Some(outcome)) => outcome.map_err(convert::error),
+        (None, Some(found)) => found.map_err(convert::error),
         (None, None) => Err(convert::VisceraError::new_err("the work broke off; begin anew")),
     }
 }

@@ -5,10 +5,9 @@ use crate::{interrupt::interruptible_for, threads::detached_for};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use viscera_core::body::Body as Core;
 use viscera_core::contact::Pose;
 use viscera_core::equilibrium::{
-    self, Dynamics, Frame, Input, Integration, Mass, Origin, Prony, StepperSettings, Torque, Turn,
+    self, Dynamics, Input, Integration, Mass, Origin, Prony, StepperSettings, Torque, Turn,
 };
 
 /// `beta` and `gamma` of Newmark's rule or none for backward Euler; whether the mass is lumped; Rayleigh's damping.
@@ -23,30 +22,7 @@ const SHORT: f64 = 0.05;
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Stepper {
     body: Py<Body>,
-    stepper: Exclusive<Timed>,
-}
-
-/// A stepper, and how long a frame may take [s] whose iterations take as long as those of the last one.
-struct Timed {
-    stepper: equilibrium::Stepper,
-    iterations: usize,
-    longest: f64,
-}
-
-impl Timed {
-    /// One frame, which hears Ctrl-C unless it will be short; before the first, nothing is known.
-    fn frame(&mut self, py: Python<'_>, body: &Core, input: &Input<'_>) -> PyResult<Frame> {
-        let Timed { stepper, iterations, longest } = self;
-        let is_short = *longest < SHORT;
-        *longest = f64::INFINITY;
-        let frame = if is_short {
-            detached_for(py, body, || stepper.frame(body, input))?.map_err(convert::error)?
-        } else {
-            interruptible_for(py, body, |is_wanted| stepper.frame_while(body, input, is_wanted))?
-        };
-        *longest = frame.seconds * *iterations as f64 / frame.steps.max(1) as f64;
-        Ok(frame)
-    }
+    stepper: Exclusive<equilibrium::Stepper>,
 }
 
 #[pymethods]
@@ -91,8 +67,7 @@ impl Stepper {
         let start = start.map(|u| convert::dofs("start", &u, n)).transpose()?;
         let stepper = equilibrium::Stepper::new(&held.body, &fixed, start, settings)
             .map_err(convert::error)?;
-        let timed = Timed { stepper, iterations, longest: f64::INFINITY };
-        Ok(Stepper { body, stepper: Exclusive::new("stepper", timed) })
+        Ok(Stepper { body, stepper: Exclusive::new("stepper", stepper) })
     }
 
     fn grasp(
@@ -102,11 +77,7 @@ impl Stepper {
     ) -> PyResult<()> {
         let dofs = prescribed.as_array().to_vec();
         let patches: Vec<_> = patches.iter().map(|patch| patch.patch.clone()).collect();
-        self.stepper
-            .claim()?
-            .stepper
-            .grasp(&self.body.get().body, &dofs, &patches)
-            .map_err(convert::error)
+        self.stepper.claim()?.grasp(&self.body.get().body, &dofs, &patches).map_err(convert::error)
     }
 
     fn press(
@@ -115,54 +86,50 @@ impl Stepper {
         pressure: PyReadonlyArray1<f64>,
     ) -> PyResult<()> {
         let pressure = convert::pressure(&pressed, &pressure);
-        self.stepper
-            .claim()?
-            .stepper
-            .set_pressure(&self.body.get().body, pressure)
-            .map_err(convert::error)
+        self.stepper.claim()?.set_pressure(&self.body.get().body, pressure).map_err(convert::error)
     }
 
     fn add_tool(&self, tool: contact::Tool) -> PyResult<usize> {
         let tool = contact::tool(&tool);
-        self.stepper.claim()?.stepper.add_tool(&self.body.get().body, tool).map_err(convert::error)
+        self.stepper.claim()?.add_tool(&self.body.get().body, tool).map_err(convert::error)
     }
 
     fn place_tool(&self, tool: usize, rotation: [[f64; 3]; 3], position: [f64; 3]) -> PyResult<()> {
         let pose = Pose { rotation, position };
-        self.stepper.claim()?.stepper.place_tool(tool, pose).map_err(convert::error)
+        self.stepper.claim()?.place_tool(tool, pose).map_err(convert::error)
     }
 
     fn remove_tool(&self, tool: usize) -> PyResult<()> {
-        self.stepper.claim()?.stepper.remove_tool(tool);
+        self.stepper.claim()?.remove_tool(tool);
         Ok(())
     }
 
     fn contact<'py>(&self, py: Python<'py>, tools: Vec<usize>) -> PyResult<Bound<'py, PyList>> {
         let n = self.body.get().body.points().len();
-        contact::reports(py, self.stepper.claim()?.stepper.contact(), tools, n)
+        contact::reports(py, self.stepper.claim()?.contact(), tools, n)
     }
 
     fn contact_pairs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let n = self.body.get().body.points().len();
-        contact::pair_reports(py, self.stepper.claim()?.stepper.contact(), n)
+        contact::pair_reports(py, self.stepper.claim()?.contact(), n)
     }
 
     fn set_velocity(&self, velocity: PyReadonlyArray2<f64>) -> PyResult<()> {
         let n = self.body.get().body.points().len();
         let velocity = convert::dofs("velocity", &velocity, n)?;
-        self.stepper.claim()?.stepper.set_velocity(&velocity).map_err(convert::error)
+        self.stepper.claim()?.set_velocity(&velocity).map_err(convert::error)
     }
 
     fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        field(py, self.stepper.claim()?.stepper.displacement())
+        field(py, self.stepper.claim()?.displacement())
     }
 
     fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        self.stepper.claim()?.stepper.velocity().map(|velocity| field(py, velocity)).transpose()
+        self.stepper.claim()?.velocity().map(|velocity| field(py, velocity)).transpose()
     }
 
     fn reactions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        convert::field(py, self.stepper.claim()?.stepper.reactions().collect())
+        convert::field(py, self.stepper.claim()?.reactions().collect())
     }
 
     #[pyo3(signature = (*, values, means, turns, force, torques, gravity))]
@@ -194,6 +161,7 @@ impl Stepper {
             None => Vec::new(),
         };
         let mut claimed = self.stepper.claim()?;
+        let stepper = &mut *claimed;
         let input = Input {
             values: &values,
             means: &means,
@@ -202,8 +170,11 @@ impl Stepper {
             torques: &torques,
             gravity,
         };
-        let frame = claimed.frame(py, body, &input)?;
-        let stepper = &claimed.stepper;
+        let frame = if stepper.longest_frame() < SHORT {
+            detached_for(py, body, || stepper.frame(body, &input))?.map_err(convert::error)?
+        } else {
+            interruptible_for(py, body, |is_wanted| stepper.frame_while(body, &input, is_wanted))?
+        };
         let dict = PyDict::new(py);
         dict.set_item("displacement", field(py, stepper.displacement())?)?;
         dict.set_item("reactions", convert::field(py, stepper.reactions().collect())?)?;

@@ -107,6 +107,8 @@ pub struct Stepper {
     ahead: f64,
     /// Time that recent frames took after their last linear system; it is reserved in the budget.
     tail: Duration,
+    /// How long a frame may take [s], by the iterations of the last one.
+    longest_frame: f64,
     /// Time of the last convex tangent.
     convex: Duration,
     /// Whether the last tangent was indefinite and its step was cut or incomplete; the next one is then made convex at
@@ -218,6 +220,7 @@ impl Stepper {
             extrapolation: Extrapolation::default(),
             ahead: 0.0,
             tail: Duration::ZERO,
+            longest_frame: f64::INFINITY,
             convex: Duration::ZERO,
             projects_next: false,
             shift: 0.0,
@@ -280,6 +283,11 @@ impl Stepper {
     /// Where the last tangent on the requested device came from; none without one.
     pub fn origin(&self) -> Option<Origin> {
         self.solver.origin()
+    }
+
+    /// How long a frame may take [s] whose iterations take as long as those of the last one; infinite before the first.
+    pub fn longest_frame(&self) -> f64 {
+        self.longest_frame
     }
 
     /// Velocity after the last frame [m/s]; none without inertia.
@@ -351,6 +359,7 @@ impl Stepper {
             let budget = Duration::from_secs_f64(budget.min(LONGEST_BUDGET));
             clock + budget.mul_f64(SPENDABLE).saturating_sub(self.tail.min(budget / 2))
         });
+        self.longest_frame = f64::INFINITY;
         self.turn(body, input.turns)?;
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
@@ -375,6 +384,8 @@ impl Stepper {
         let is_entered = self.contact.find_entry(body, &self.displacement).is_some();
         self.tail = progress.solved_at.elapsed().max(self.tail.mul_f64(TAIL_KEPT));
         let seconds = clock.elapsed().as_secs_f64();
+        let each = seconds / progress.steps.max(1) as f64;
+        self.longest_frame = each * self.settings.iterations as f64;
         self.was_settled =
             progress.is_settled(self.settings.settled) && self.barrier.is_idle() && !is_entered;
         Ok(Frame {

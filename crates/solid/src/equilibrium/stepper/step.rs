@@ -7,7 +7,6 @@ use super::pressed::Linearization;
 use super::{Input, Stepper, StepperSettings};
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
-use crate::contact::STILL;
 use crate::equilibrium::iteration::{Iteration, Limits, Stop, backtrack, iterate};
 use crate::equilibrium::problem::patch_mean;
 use crate::equilibrium::system::Solved;
@@ -180,7 +179,7 @@ impl Stepper {
             FrameIteration { stepper: self, body, input, deadline, is_wanted, began, progress };
         // A frame is settled only if it is on the pieces of contact pairs where it has ended.
         while iterate(&mut frame, limits)? == Stop::Converged
-            && frame.stepper.contact.renew_pieces(STILL)
+            && frame.stepper.contact.renew_pieces()
         {
             frame.progress.residual = frame.stepper.measure(body, frame.progress.is_cut);
             limits.steps = iterations - frame.progress.steps;
