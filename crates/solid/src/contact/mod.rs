@@ -27,7 +27,6 @@ mod weighted_nodes;
 pub use distance::Distance;
 pub use friction::Friction;
 pub use layer::STIFFNESS;
-pub(crate) use pair::STILL;
 pub use pose::Pose;
 pub use shape::Shape;
 pub use solid::Solid;
@@ -251,12 +250,12 @@ impl Contact {
         !self.pairs.is_empty()
     }
 
-    /// Has the pieces of contact pairs found anew at the displacement found last, where a surface has moved by more than this
-    /// since they were found, over the reach; whether one has.
-    pub fn renew_pieces(&mut self, far: f64) -> bool {
+    /// Has the pieces of contact pairs found anew at the displacement found last, where surfaces have moved since they were
+    /// found; whether some have.
+    pub fn renew_pieces(&mut self) -> bool {
         let mut is_old = false;
         for pair in &mut self.pairs {
-            is_old |= pair.renew(far);
+            is_old |= pair.renew();
         }
         is_old
     }

@@ -23,7 +23,6 @@ use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
 use crate::mesh::{cross, crossing, diagonal, norm, sub};
 use candidate_list::CandidateList;
-pub(crate) use pieces::STILL;
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;

@@ -8,7 +8,7 @@ use crate::mesh::{Boxes, cross, dot, norm, overlap_of, sub};
 
 /// How far, over the reach, a surface moves before a step finds the pieces anew. After so many renewals they stay until the
 /// iteration has converged on them, so that it ends as Newton's does, or until a surface has moved as far as `GONE`.
-pub(crate) const STILL: f64 = 1e-5;
+const STILL: f64 = 1e-5;
 const RENEWALS: usize = 20;
 const GONE: f64 = 0.25;
 
@@ -33,10 +33,10 @@ impl ActivePair {
         self.has_moved(if stays { GONE } else { STILL })
     }
 
-    /// Has the pieces found anew where the surfaces are, if one has moved by more than this since, over the reach; whether one
-    /// has. With friction, which ties the samples, they stay.
-    pub(in super::super) fn renew(&mut self, far: f64) -> bool {
-        let is_old = self.friction.is_none() && !self.renewed.is_empty() && self.has_moved(far);
+    /// Has the pieces found anew where the surfaces are, unless these have stayed since they were found; whether they have
+    /// not. With friction, which ties the samples, the pieces stay.
+    pub(in super::super) fn renew(&mut self) -> bool {
+        let is_old = self.friction.is_none() && !self.renewed.is_empty() && self.has_moved(STILL);
         if is_old {
             self.renewed.clear();
             self.is_placed = false;

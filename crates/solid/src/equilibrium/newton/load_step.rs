@@ -5,7 +5,6 @@ use super::Newton;
 use super::run::Run;
 use crate::body::Curvature;
 use crate::clock::Instant;
-use crate::contact::STILL;
 use crate::equilibrium::ending::Cut;
 use crate::equilibrium::iteration::{Iteration, Limits, Stop, iterate};
 use crate::number::norm;
@@ -123,7 +122,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
             if iterate(self, limits)? != Stop::Converged {
                 return Err(Cut::Iterations { residual: self.norm, tolerance });
             }
-            if !self.run.contact.renew_pieces(STILL) {
+            if !self.run.contact.renew_pieces() {
                 return Ok(());
             }
         }
