@@ -53,19 +53,18 @@ def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
 def mesh_labels(
     values: NDArray[np.uint16],
     affine: Floats,
-    labels: list[int],
+    labels: list[tuple[int, str]],
     *,
-    names: list[str],
     volumes: list[float] | None,
     edges: list[float],
     on_progress: Callable[[int, int], None] | None,
 ) -> dict[str, Any]:
-    """Conforming tetrahedra of some labels of a map (i, j, k) with its affine map (3, 4) [m], and a mean edge for each
-    [m]: `points` (n, 3), `cells` (m, 4), `owner` (m,) the place of each cell's label in the list, `cut` the nodes where
-    the map ends within a label, `edges` that the lattice has for each label, those given or shorter [m], `volumes` that
-    each label was to have, those of its voxels unless given [m^3], `dropped` volume of each label in separate pieces
-    with less than 5 % of every label, `n_dropped` how many these are, `missed` and `n_missed` the same of other
-    separate pieces, for which the edges are too long. `names` of the labels: for errors. `on_progress(done, total)`."""
+    """Conforming tetrahedra of some labels, by number and name, of a map (i, j, k) with its affine map (3, 4) [m], and
+    a mean edge for each [m]: `points` (n, 3), `cells` (m, 4), `owner` (m,) the place of each cell's label in the list,
+    `cut` the nodes where the map ends within a label, `edges` that the lattice has for each label, those given or
+    shorter [m], `volumes` that each label was to have, those of its voxels unless given [m^3], `dropped` volume of
+    each label in separate pieces with less than 5 % of every label, `n_dropped` how many these are, `missed` and
+    `n_missed` the same of other separate pieces, for which the edges are too long. `on_progress(done, total)`."""
 
 def winding_numbers(
     points: Floats,

@@ -9,18 +9,17 @@ use pyo3::types::PyDict;
 use viscera_mesher::{Error, Labels, Winding};
 
 #[pyfunction]
-#[pyo3(signature = (values, affine, labels, *, names, volumes, edges, on_progress))]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (values, affine, labels, *, volumes, edges, on_progress))]
 pub fn mesh_labels<'py>(
     py: Python<'py>,
     values: PyReadonlyArray3<u16>,
     affine: PyReadonlyArray2<f64>,
-    labels: Vec<u16>,
-    names: Vec<String>,
+    labels: Vec<(u16, String)>,
     volumes: Option<Vec<f64>>,
     edges: Vec<f64>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
+    let (labels, names): (Vec<u16>, Vec<String>) = labels.into_iter().unzip();
     let [i, j, k] = dims(values.as_array().shape());
     let voxels: Vec<u16> = values.as_array().iter().copied().collect();
     let (affine, volumes) = (rows(&affine)?, volumes.as_deref());

@@ -50,7 +50,7 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
 
 def unit_of(path: Path) -> float:
     """Metres per unit of the positions that SimpleITK reads from a file; raises `VisceraError` as `nrrdspace` does."""
-    return nrrdspace.metres_per_unit(path) if ending_of(path) in (".nrrd", ".nhdr") else MM
+    return nrrdspace.unit_of_space(path) if ending_of(path) in (".nrrd", ".nhdr") else MM
 
 
 def nifti_affine(path: Path) -> Floats:

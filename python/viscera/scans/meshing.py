@@ -93,7 +93,8 @@ def mesh_regions(
         raise VisceraError(f"an edge of {1e3 * min(sizes):g} mm would make {cells:.2g} cells; give a longer one")
     labels = [region.numbers[0] for region in regions]
     tell = None if progress is None else lambda done, total: progress(done, total, "meshing")
-    made = _core.mesh_labels(own, affine, labels, names=names, volumes=volumes, edges=sizes, on_progress=tell)
+    named = list(zip(labels, names, strict=True))
+    made = _core.mesh_labels(own, affine, named, volumes=volumes, edges=sizes, on_progress=tell)
     cell_sets = {region.name: np.flatnonzero(made["owner"] == k) for k, region in enumerate(regions)}
     sets = {"cut": made["cut"]} if len(made["cut"]) else {}
     found = mesh(made["points"], made["cells"], sets, cell_sets)

@@ -18,7 +18,7 @@ UNSAID = ("", "???")
 """Units that say nothing: millimetres, as all tools of medical images take them."""
 
 
-def metres_per_unit(path: Path) -> float:
+def unit_of_space(path: Path) -> float:
     """Metres per unit of the space of a NRRD file.
 
     Raises `VisceraError` for a unit that is unknown or not the same along all axes, and for a space without the
