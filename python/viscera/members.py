@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -62,6 +62,11 @@ def words_of(where: Any, noun: str = "node") -> list[str] | None:
             f"{brief(wrong[0])}; write indices among words as words, such as '3, 14'"
         )
     return list(where)
+
+
+def united(places: Sequence[Indices]) -> Indices:
+    """What is in one of the places or in several, ascending."""
+    return np.unique(np.concatenate(places)).astype(np.uint32)
 
 
 def part_of_set(where: Where, sets: Mapping[str, Indices]) -> tuple[str, str] | None:

@@ -21,7 +21,7 @@ from viscera.errors import VisceraError
 from viscera.files import mesh as meshfile
 from viscera.files.mesh import RawMesh
 from viscera.inspection import arrays, doubts, faults, implausible_size, listed
-from viscera.members import indices_of, listed_in, members, part_of_set, sets_within, words_of
+from viscera.members import indices_of, listed_in, members, part_of_set, sets_within, united, words_of
 from viscera.quantity import Number, hides_boolean, path_of, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
@@ -140,7 +140,7 @@ class Mesh(Pictured):
         50
         """
         if (words := words_of(where)) is not None:
-            return _united([self.nodes(each) for each in words])
+            return united([self.nodes(each) for each in words])
         if part := part_of_set(where, self.sets):
             return self._nodes_within(*part)
         where = listed_in(where, self.sets)
@@ -160,7 +160,7 @@ class Mesh(Pictured):
         960
         """
         if (words := words_of(where, "cell")) is not None:
-            return _united([self.cells_in(each) for each in words])
+            return united([self.cells_in(each) for each in words])
         if part := part_of_set(where, self.cell_sets):
             return self._cells_within(*part)
         where = listed_in(where, self.cell_sets)
@@ -419,11 +419,6 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
 def _box_of(points: Floats) -> Floats:
     """Lowest and highest coordinates (2, 3) of points (k, 3)."""
     return np.stack([points.min(axis=0), points.max(axis=0)])
-
-
-def _united(places: list[Indices]) -> Indices:
-    """What is in one of the places or in several, ascending."""
-    return np.unique(np.concatenate(places)).astype(np.uint32)
 
 
 def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
