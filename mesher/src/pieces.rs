@@ -1,5 +1,6 @@
 //! Pieces of the labels: voxels of one label that are joined by faces, edges or corners.
 
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// A group of joined voxels is stray if it has less than this share of each of its labels.
@@ -31,12 +32,13 @@ impl Pieces {
     /// The pieces of the labels that `place` gives voxels; `volumes` are the labels' [m^3], `voxel` is that of a voxel.
     pub fn new(
         dims: [usize; 3],
-        place: impl Fn(usize) -> Option<usize>,
+        place: impl Fn(usize) -> Option<usize> + Sync,
         volumes: &[f64],
         voxel: f64,
     ) -> Self {
         let n = dims[0] * dims[1] * dims[2];
-        let held: Vec<Option<u8>> = (0..n).map(|v| place(v).map(|label| label as u8)).collect();
+        let label = |voxel| place(voxel).map(|label| label as u8);
+        let held: Vec<Option<u8>> = (0..n).into_par_iter().map(label).collect();
         let mut pieces = Pieces { number: vec![NONE; n], ..Pieces::default() };
         for start in 0..n {
             if held[start].is_some() && pieces.number[start] == NONE {
