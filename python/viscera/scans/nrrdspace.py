@@ -1,5 +1,5 @@
-"""What the header of a NRRD file says of its space, and SimpleITK does not pass on: its unit, and if it has the
-patient's axes. SimpleITK takes every unit for millimetres, and every space that it does not know for LPS.
+"""What the header of a NRRD file says of its space, and SimpleITK does not pass on: its unit, and whether it has
+the patient's axes. SimpleITK takes every unit for millimetres, and every space that it does not know for LPS.
 
 NRRD format, version 5: `space`, `space units` (teem.sourceforge.net/nrrd/format.html, section 5).
 """

@@ -113,8 +113,8 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         }
     }
 
-    /// Iterates until the residual is small enough on the pieces of contact pairs at the state itself. Where surfaces have
-    /// moved away from the pieces on which it is small, those are found anew: a fixed point, whose every step is shorter.
+    /// Iterates until the residual is small enough. If surfaces have moved since the pieces of contact pairs were found on
+    /// which it is small, finds these anew and goes on: a fixed-point iteration.
     fn converge(&mut self) -> Result<(), Cut> {
         let Newton { tolerance, max_iterations, .. } = self.run.settings;
         let limits = Limits { tolerance, steps: max_iterations, waits: true };
