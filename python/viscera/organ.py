@@ -37,12 +37,15 @@ class Organ(Statics, Reducible):
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`, or several by place, `{"liver": ..., "vein": ...}`, as in
         `viscera.laws.Several`.
-    fixed: a node set's name, a condition such as "x < 10%", indices or a predicate on points (n, 3): see `Mesh.nodes`.
+    fixed: a node set's name, a condition such as "x < 10%", indices or a predicate on points (n, 3): see `Mesh.nodes`;
+        by default no node.
     element: "P1" (linear cells), "P1 mean volume" (linear cells in clusters that share one change of volume) or "P2"
         (quadratic cells). By default it is "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks,
         and "P1" below (docs/elements.md). With "P2" the organ's own `mesh` also has the midpoints of edges as points.
-    supports: `[ElasticSupport(where, stiffness), Spring(where, ...)]`. An organ that they hold needs no fixed nodes.
-    Raises `VisceraError` if nothing holds the organ, or a disconnected part of its mesh.
+    supports: `[ElasticSupport(where, stiffness), Spring(where, ...)]`.
+
+    Prescribed displacements hold an organ too, and so do the bonds of a `Scene`. Wherever its mesh, or a disconnected
+    part of it, could still move rigidly, everything but a stepper with inertia raises `VisceraError`.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -243,6 +246,7 @@ class Organ(Statics, Reducible):
         """
         from viscera import registration
 
+        self._require_held()
         if self.supports:
             raise VisceraError(
                 "an organ with elastic supports cannot be registered yet: the springs would have to move with it; "

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from viscera import _core, defaults, gpu
-from viscera.boundary.support import require_held
 from viscera.errors import VisceraError
 from viscera.law import StrainEnergy
 from viscera.mesh import Floats, Indices, Where
@@ -107,7 +106,7 @@ class Reducible(Supported):
         nodes = self.touchable(touchable, radius)
         narrowest = vary.on(self.mesh).low if vary is not None and vary.name == "radius" else radius
         self._warn_if_narrow(float(narrowest), nodes)
-        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
+        self._require_held()
         organ, family = (self._organ, None) if vary is None else vary.on(self.mesh).family(self._organ, radius)
         if start is not None and organ.element != self.element:
             raise VisceraError(
@@ -204,7 +203,7 @@ class Reducible(Supported):
         max_iterations = Whole(1, 10_000)(max_iterations, "max_iterations")
         load, stagnation = Number("N")(load, "load"), TOLERANCE(stagnation, "stagnation")
         radius = length(radius, self.mesh.diagonal, "radius")
-        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
+        self._require_held()
         rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
         return separate(
             self._organ,
@@ -227,15 +226,6 @@ class Reducible(Supported):
             raise VisceraError(
                 "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
                 "are compressed; reduce with bear_compression=True, or use solve"
-            )
-
-    def _require_linear_ties(self) -> None:
-        self._refuse_bodies()
-        if self._ties.links:
-            raise VisceraError("a series does not know springs and cables; leave them out, or solve in load steps")
-        if self._ties.surfaces:
-            raise VisceraError(
-                "a series does not know surfaces that touch; leave the contact pairs out, or solve in load steps"
             )
 
 

@@ -49,14 +49,14 @@ class Scene(Organ):
     bonds: what holds organs together: `Bond` of two surfaces, `Spring` between places, such as "liver/hilum".
     contacts: what may touch: each a `ContactPair` of two organs, of two places of one, or of one with itself.
     Raises `VisceraError` for organs of several elements, for names that are unknown, for what is named twice, for a
-    bond of surfaces that do not lie on each other, for a contact pair of organs that overlap or of places that have a
-    node in common, and if nothing holds an organ.
+    bond of surfaces that do not lie on each other, and for a contact pair of organs that overlap or of places that have
+    a node in common.
 
     >>> import viscera as vs
     >>> beam = vs.organs.beam()
     >>> above = vs.mesh(beam.points + [0.0, 0.0, 0.2], beam.cells)
     >>> lower = vs.Organ(beam, vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    >>> upper = vs.Organ(above, vs.NeoHookean(young=2e4, poisson=0.3), supports=[vs.ElasticSupport("x < 1%", 1e3)])
+    >>> upper = vs.Organ(above, vs.NeoHookean(young=2e4, poisson=0.3))  # held by its bond
     >>> scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")])
     >>> state = scene.solve(force={"lower/tip": (0, 0, -10.0)})
     >>> state.is_converged, f"{1e3 * state['upper'].displacement[:, 2].min():.0f} mm"
@@ -268,6 +268,11 @@ class Scene(Organ):
         shear, bulk = np.broadcast_to(law.core().moduli(), (len(mesh.cells), 2)).T
         modulus = 4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
         return Placed(bond, bond._samples(mesh, pieces, modulus), pieces)
+
+    def _name_of(self, node: int) -> str:
+        number = int(self.of_node[node])
+        name = list(self.organs)[number]
+        return f"node {int(np.flatnonzero(self._numbers[name] == node)[0])} of {name!r}"
 
     def _told(self, message: str) -> str:
         """What the core says of a contact pair, with its name in place of its number."""

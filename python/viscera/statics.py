@@ -20,7 +20,6 @@ from viscera.boundary.loads import (
     prescribed,
     pressed_faces,
 )
-from viscera.boundary.support import require_held
 from viscera.contact.shapes import AnyShape
 from viscera.contact.tool import Tool, tools_of
 from viscera.continued import anchored
@@ -96,7 +95,7 @@ class Statics(Supported):
         """
         steps, begin = STEPS(steps, "steps"), displacement_of(start, self.mesh)
         moved = prescribed(self.mesh, self.fixed, displacement)
-        require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches], self._ties)
+        self._require_held(moved.dofs, [patch for patch, _ in moved.patches])
         applied, pressed, pressures, weight = self._loads(force, traction, pressure, gravity, density)
         means = [mean for _, mean in moved.patches]
         tools = [*tools_of(contact, self._bodies), *self._bodies]
@@ -164,7 +163,8 @@ class Statics(Supported):
         until = Number(above=0)(until, "until")
         tolerance = TOLERANCE(tolerance, "tolerance")
         max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")
-        self._refuse_bodies()
+        self._require_linear_ties()
+        self._require_held()
         applied, pressed, pressures, _ = self._loads(force, traction, pressure)
         expansions = self._body.path(
             force=applied,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from viscera import _core, defaults
-from viscera.boundary.support import fixed_nodes, supports_of
+from viscera.boundary.support import fixed_nodes, require_held, supports_of
 from viscera.boundary.ties import Tied, joined
 from viscera.contact.tool import Tool
 from viscera.display import Pictured
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("viscera")
 ELEMENTS = tuple(name for name, _ in _core.elements())
+NO_DOFS: Indices = np.empty(0, dtype=np.uint32)
 ROUNDING = 1e-9
 """Rounding allowed in Poisson's ratio, which a law computes from other parameters: 0.45 must count as 0.45."""
 POSITIVE = Number("m", above=0)
@@ -69,17 +70,31 @@ class Supported(Pictured):
         self._tied = [support.ties(self.mesh) for support in self.supports]
         self._ties = joined(self._tied)
         self._contact_pairs = [each for each, ties in zip(self.supports, self._tied, strict=True) if ties.surfaces]
-        self.fixed = fixed_nodes(self.mesh, fixed, self._ties)
+        self.fixed = fixed_nodes(self.mesh, fixed)
         """Indices (k,) of the fixed nodes."""
         corners = self.mesh.points[: self.mesh.n_corners]
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element, self._ties.core)
         self._narrow: set[float] = set()  # radii of contacts that were warned of
 
-    def _refuse_bodies(self) -> None:
-        if self._bodies:
-            raise VisceraError(
-                "a series does not know the rigid bodies of the scene; leave them out, or solve in load steps"
-            )
+    def _require_held(self, dofs: Indices = NO_DOFS, patches: Sequence[_core.Patch] = ()) -> None:
+        """Raise `VisceraError` if a part can still move rigidly, where degrees of freedom `dofs` (k,), 3 * node +
+        component, and means of patches are prescribed."""
+        require_held(self.mesh, self.fixed, dofs, patches, self._ties, self._name_of)
+
+    def _name_of(self, node: int) -> str:
+        """What an error calls a node."""
+        return f"node {node}"
+
+    def _require_linear_ties(self) -> None:
+        """Raise `VisceraError` for what a series cannot expand."""
+        unknown = {
+            "the rigid bodies of the scene; leave them out": self._bodies,
+            "springs and cables; leave them out": self._ties.links,
+            "surfaces that touch; leave the contact pairs out": self._ties.surfaces,
+        }
+        for what, present in unknown.items():
+            if present:
+                raise VisceraError(f"a series does not know {what}, or solve in load steps")
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"

@@ -180,7 +180,6 @@ def two_cubes(cube: vs.Mesh) -> vs.Mesh:
 @pytest.mark.parametrize(
     ("fixed", "words"),
     [
-        ([], "nothing is fixed"),
         (lambda x: x[:, 0] > 9, "fixed: the predicate selects no node"),
         ("botom", "did you mean 'bottom'"),
         (lambda x: x[:, 0] > -9, "every node is fixed"),
@@ -191,10 +190,45 @@ def test_supports_that_cannot_be(cube: vs.Mesh, fixed: Any, words: str) -> None:
         Organ(cube, SOFT, fixed=fixed)
 
 
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda organ: organ.solve(force={"top": (0, 0, -1.0)}),
+        lambda organ: organ.solve(displacement={"top": (0, None, -0.1)}),
+        lambda organ: organ.path(force={"top": (0, 0, -1.0)}),
+        lambda organ: organ.stepper(),
+        lambda organ: organ.reduce("top", order=2),
+        lambda organ: organ.pgd("top", load=1.0, order=2),
+        lambda organ: organ.unloaded(gravity=(0, 0, -1.0), density=100.0),
+        lambda organ: organ.register(points=(organ.mesh.points[:4], 0.0 * organ.mesh.points[:4])),
+    ],
+)
+def test_an_organ_that_nothing_holds_is_refused(cube: vs.Mesh, ask: Any) -> None:
+    with pytest.raises(vs.VisceraError, match=r"nothing is fixed|can still move rigidly \(1 of its 6"):
+        ask(Organ(cube, SOFT))
+
+
+def test_displacements_hold_an_organ(cube: vs.Mesh) -> None:
+    """In statics and in frames, as fixed nodes do."""
+    ends = {"bottom": (0, 0, 0), "top": (0, 0, -0.02)}
+    fixed = Organ(cube, SOFT, fixed="bottom").solve(displacement={"top": (0, 0, -0.02)}).displacement
+    free = Organ(cube, SOFT)
+    assert abs(free.solve(displacement=ends).displacement - fixed).max() < 1e-9
+    assert abs(free.stepper(ends, iterations=20, settled=1e-9).frame().displacement - fixed).max() < 1e-9
+
+
+def test_with_inertia_an_organ_falls_freely(cube: vs.Mesh) -> None:
+    """By backward Euler: after n frames of h it has fallen n (n + 1) / 2 g h^2."""
+    stepper = Organ(cube, SOFT).stepper(density=1e3, time_step=0.01, dynamics="backward_euler", iterations=5)
+    for _ in range(10):
+        frame = stepper.frame(gravity=(0, 0, -9.81))
+    assert frame.displacement[:, 2] == pytest.approx(-9.81 * 0.01**2 * 55, rel=1e-6)
+
+
 def test_a_loose_part_is_refused(cube: vs.Mesh) -> None:
     pair = two_cubes(cube)
     with pytest.raises(vs.VisceraError, match="1 of the mesh's 2 disconnected parts have no fixed node"):
-        Organ(pair, SOFT, fixed=cube.nodes("bottom"))
+        Organ(pair, SOFT, fixed=cube.nodes("bottom")).solve()
     assert Organ(pair, SOFT, fixed=lambda x: x[:, 2] % 1.0 == 0).solve().is_converged
 
 

@@ -187,7 +187,6 @@ def test_mesh_files_of_odd_names_stay_apart(bar: vs.Mesh, folder: Path) -> None:
         ),
         ('"HalfSpace"', '"Sphere"', r"the key 'radius' is missing in \[\[bodies\]\]; its shape takes radius"),
         ("young = 1e5", "yuong = 1e5", "organ 'lower': unknown key 'yuong' in .material.; did you mean 'young'"),
-        ('fixed = "root"\n', "", "organ 'lower': the key 'fixed' is missing"),
         ("[organs.upper]", '[organs."up/per"]', "the name of an organ must be words without '/'"),
         ("[loads]", "[reduce]\norder = 2\n[loads]", "unknown key 'reduce'"),
     ],
@@ -300,3 +299,17 @@ def test_words_mean_the_same_place_of_an_organ_in_python_as_in_a_file() -> None:
 
 def test_a_bond_takes_the_words_of_a_file() -> None:
     assert vs.Bond("liver/x < 30%", "gallbladder").sides == (("liver", "x < 30%"), ("gallbladder", None))
+
+
+def test_a_bond_of_a_case_holds_an_organ(bar: vs.Mesh, folder: Path) -> None:
+    """Written and read again; without the bond, solving names the organ."""
+    above = vs.mesh(bar.points + np.array([0.0, 0.0, 0.1]), bar.cells, bar.sets)
+    organs = {"lower": vs.Organ(bar, LAW, fixed="root"), "upper": vs.Organ(above, LAW)}
+    loads: dict[str, Any] = {"force": {"upper/tip": (0, 0, -0.5)}}
+    scene = vs.Scene(organs, bonds=[vs.Bond("lower", "upper")])
+    again = scene.to_case(folder / "bonded.toml", loads=loads)
+    state = again.solve(again.organ())
+    assert np.abs(state.displacement - scene.solve(**loads).displacement).max() < 1e-9
+    case = vs.Scene(organs).to_case(folder / "apart.toml", loads=loads)
+    with pytest.raises(vs.VisceraError, match="node 0 of 'upper' among them"):
+        case.solve(case.organ())

@@ -290,16 +290,14 @@ def test_a_support_is_found_among_those_of_a_model_within_rounding() -> None:
     assert not support.ties(mesh).holds(bed(1.001 * SPRING).ties(back))
 
 
-def test_the_error_of_an_organ_that_nothing_holds_names_what_lets_bonds_hold_it(cube: vs.Mesh) -> None:
-    """A support that carries next to nothing: the bond does."""
-    law = vs.NeoHookean(young=1e5, poisson=0.3)
+def test_the_error_of_an_organ_that_nothing_holds_names_what_lets_a_table_hold_it(cube: vs.Mesh) -> None:
+    """A support that carries next to nothing: the table does."""
+    law, load = vs.NeoHookean(young=1e5, poisson=0.3), (0.0, 0.0, -5.0)
+    table = vs.Tool(vs.HalfSpace(), friction="bonded")
     with pytest.raises(vs.VisceraError, match=r"ElasticSupport\('x > -1%', 1e-3\)"):
-        vs.Organ(cube, law)
-    above = vs.mesh(cube.points + np.array([0.0, 0.0, 0.1]), cube.cells, cube.sets)
+        vs.Organ(cube, law).solve(force={"top": load}, contact=[table])
     weak = vs.ElasticSupport("x > -1%", 1e-3)
-    organs = {"lower": vs.Organ(cube, law, fixed="bottom"), "upper": vs.Organ(above, law, supports=[weak])}
-    bond = vs.Bond("lower/top", "upper/bottom")
-    state = vs.Scene(organs, bonds=[bond]).solve(force={"upper/top": (0, 0, -5.0)})
+    state = vs.Organ(cube, law, supports=[weak]).solve(force={"top": load}, contact=[table])
     assert state.is_converged
     assert np.abs(state.support_force(weak)).max() < 1e-6
-    assert state.support_force(bond)[2] == pytest.approx(-5.0, abs=1e-5)
+    assert state.contact(table).force[2] == pytest.approx(5.0, abs=1e-5)

@@ -5,7 +5,7 @@ Parts that meet at points or edges only, without a common face, turn about these
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -19,30 +19,16 @@ from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import refuse_twice, refused
 
 
-def fixed_nodes(mesh: Mesh, where: Where | None, ties: Ties = NONE) -> Indices:
-    """The fixed nodes; raises `VisceraError` if nothing holds the organ or a part of it, or everything is fixed."""
-    is_none = where is None or (not isinstance(where, str) and not callable(where) and np.size(where) == 0)
-    if is_none and not len(ties) and not ties.links:
-        raise VisceraError(
-            "nothing is fixed: the organ would float away; fix a node set, indices or a predicate, or give it elastic "
-            "supports, if only a weak one where bonds of a scene hold it, such as ElasticSupport('x > -1%', 1e-3)"
-        )
+def fixed_nodes(mesh: Mesh, where: Where | None) -> Indices:
+    """The fixed nodes, which may be none; raises `VisceraError` for a place that the mesh lacks, or for all nodes."""
+    if where is None or (not isinstance(where, str) and not callable(where) and np.size(where) == 0):
+        return np.empty(0, dtype=np.uint32)
     try:
-        fixed = np.empty(0, dtype=np.uint32) if where is None or is_none else mesh.nodes(where)
+        fixed = mesh.nodes(where)
     except VisceraError as error:
         raise VisceraError(f"fixed: {error}") from error
     if len(fixed) == len(mesh.points):
         raise VisceraError("every node is fixed: nothing is left to move; fix a smaller set")
-    body = np.array(mesh.facts["body"], dtype=np.int64)
-    body[mesh.n_corners :] = body[mesh.edges[:, 0]]
-    linked = np.array([node for link in ties.links for node, _ in link.ends], dtype=np.uint32)
-    loose = np.setdiff1d(body, body[np.concatenate([fixed, ties.nodes, linked])])
-    if len(loose):
-        nodes = np.flatnonzero(body == loose[0])
-        raise VisceraError(
-            f"{len(loose)} of the mesh's {body.max() + 1} disconnected parts have no fixed node nor support, the first "
-            f"with {len(nodes)} nodes (node {nodes[0]} among them); fix nodes of every part, or remove the loose ones"
-        )
     return fixed
 
 
@@ -57,12 +43,22 @@ def supports_of(supports: Sequence[Tied]) -> tuple[Tied, ...]:
     return tuple(supports)
 
 
-def require_held(mesh: Mesh, fixed: Indices, dofs: Indices, patches: list[_core.Patch], ties: Ties = NONE) -> None:
+def require_held(
+    mesh: Mesh,
+    fixed: Indices,
+    dofs: Indices,
+    patches: Sequence[_core.Patch],
+    ties: Ties = NONE,
+    name: Callable[[int], str] = "node {}".format,
+) -> None:
     """Raise `VisceraError` if a part can still move rigidly.
 
     fixed: node indices; dofs (k,): prescribed degrees of freedom 3 * node + component; patches: prescribed means; ties:
-    elastic supports and bonds.
+    elastic supports and bonds; name: what an error calls a node.
     """
+    linked = np.array([node for link in ties.links for node, _ in link.ends], dtype=np.uint32)
+    means = [patch.nodes for patch in patches]
+    _refuse_loose(mesh, np.concatenate([fixed, dofs // 3, ties.nodes, linked, *means]).astype(np.int64), name)
     parts = _Parts(mesh)
     held = np.concatenate([(3 * fixed[:, None].astype(np.int64) + np.arange(3)).ravel(), dofs.astype(np.int64)])
     for labels in parts.bodies(ties):
@@ -86,7 +82,27 @@ def require_held(mesh: Mesh, fixed: Indices, dofs: Indices, patches: list[_core.
         for label, k in place.items() if len(free) else ():
             count = int(np.linalg.matrix_rank(free[:, 6 * k : 6 * k + 6], tol=1e-3))
             if count:
-                raise VisceraError(parts.loose(label, count))
+                raise VisceraError(parts.loose(label, count, name))
+
+
+def _refuse_loose(mesh: Mesh, holding: NDArray[np.int64], name: Callable[[int], str]) -> None:
+    """Raise `VisceraError` if a part has none of the nodes (k,) at which something holds the mesh."""
+    if not len(holding):
+        raise VisceraError(
+            "nothing is fixed: the organ would float away; fix a node set, indices or a predicate, prescribe "
+            "displacements, give it elastic supports, or bond it in a scene to an organ that is held; if contact alone "
+            "holds it, give it a support too weak to matter, such as ElasticSupport('x > -1%', 1e-3)"
+        )
+    body = np.array(mesh.facts["body"], dtype=np.int64)
+    body[mesh.n_corners :] = body[mesh.edges[:, 0]]
+    loose = np.setdiff1d(body, body[holding])
+    if len(loose):
+        nodes = np.flatnonzero(body == loose[0])
+        raise VisceraError(
+            f"{len(loose)} of the mesh's {body.max() + 1} disconnected parts have no fixed node nor support, the first "
+            f"with {len(nodes)} nodes ({name(int(nodes[0]))} among them); hold every part, by fixed nodes, elastic "
+            "supports or bonds of a scene, or remove the loose ones"
+        )
 
 
 class _Parts:
@@ -153,13 +169,13 @@ class _Parts:
         found[:, :, 6 * place[label] : 6 * place[label] + 6] = _rigid_motions((self.points[nodes] - centre) / size)
         return found
 
-    def loose(self, label: int, count: int) -> str:
+    def loose(self, label: int, count: int, name: Callable[[int], str]) -> str:
         """The sentence about a part that `count` rigid motions are left to."""
         at = sorted({node for node, *both in self.hinges if label in both})
         where = f"{'node' if len(at) == 1 else 'nodes'} {', '.join(map(str, at[:5]))}{', ...' if len(at) > 5 else ''}"
         hint = f"; it shares {where} with another part, but no face, and turns there as on a hinge" if at else ""
         return (
-            f"the part with node {self.first_node[label]} can still move rigidly ({count} of its 6 rigid motions are "
+            f"the part with {name(self.first_node[label])} can still move rigidly ({count} of its 6 rigid motions are "
             f"free); fix at least three nodes that are not on one line{hint}"
         )
 

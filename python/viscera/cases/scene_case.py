@@ -27,7 +27,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -180,7 +180,7 @@ class SceneCase(Solvable):
         """One organ as a case of its own, where its mesh file has it."""
         words = {key: word for key, word in self.organs[name].items() if key not in {"position", "rotation"}}
         try:
-            return Case(**words, folder=self.folder)
+            return OrganCase(**words, folder=self.folder)
         except VisceraError as error:
             raise VisceraError(f"organ {name!r}: {error}") from None
 
@@ -222,6 +222,13 @@ def read_any(path: str | os.PathLike[str]) -> Case | SceneCase:
     {'gravity': [0, 0, -9.81], 'density': 1000.0}
     """
     return read_words(path, any_case_of)
+
+
+@dataclass(frozen=True)
+class OrganCase(Case):
+    """One organ of a scene, which bonds may hold."""
+
+    _stands_alone: ClassVar[bool] = False
 
 
 def any_case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case | SceneCase:

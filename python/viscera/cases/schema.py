@@ -156,7 +156,11 @@ CASE = Table(
             Text(), 'path of a mesh file, from the folder of the case; or an organ: "organ:liver"', is_required=True
         ),
         "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ"),
-        "fixed": Key(Place("node"), "fixed nodes", "required, unless there are `supports`"),
+        "fixed": Key(
+            Place("node"),
+            "fixed nodes",
+            "required, unless `supports` or displacements hold the organ, or bonds of a scene",
+        ),
         "supports": Key(Places("supports", SUPPORT), "elastic supports", "none"),
         "element": Key(Choice(supported.ELEMENTS), "element of the mesh", "chosen for the material"),
         "material": Key(Material(), "law and parameters", is_required=True),

@@ -23,7 +23,6 @@ from viscera.boundary.loads import (
     pressed_faces,
     shares,
 )
-from viscera.boundary.support import require_held
 from viscera.contact.forceps import Forceps
 from viscera.contact.instrument import Instrument
 from viscera.contact.shapes import AnyShape, Box, Capsule, Sphere
@@ -319,7 +318,7 @@ class Stepper:
 
     def _hold(self, motion: PrescribedMotion) -> None:
         if not self._may_float:
-            require_held(self._organ.mesh, self._organ.fixed, motion.dofs, motion.patches, self._organ._ties)
+            self._organ._require_held(motion.dofs, motion.patches)
         self._core.grasp(motion.dofs, motion.patches)
 
     def _divided(self, reactions: Floats) -> Floats:

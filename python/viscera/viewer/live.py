@@ -18,7 +18,6 @@ from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
 from viscera.boundary.loads import density_per_cell
-from viscera.boundary.support import require_held
 from viscera.cases.case import PLACED, Case
 from viscera.cases.scene_case import SceneCase
 from viscera.errors import VisceraError
@@ -86,7 +85,7 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
             "an organ with elastic supports cannot be stepped in a page yet; fix nodes instead, or `viscera reduce` it "
             "and view the model"
         )
-    require_held(organ.mesh, organ.fixed, organ.fixed[:0], [])
+    organ._require_held()
     return _packed(
         organ,
         name,
