@@ -7,7 +7,8 @@
 mod support;
 
 use support::{Block, laws};
-use viscera_gpu::plan::{Plan, Sheet};
+use viscera_gpu::plan::{Plan, SeriesPlan, Sheet};
+use viscera_gpu::{Law, SERIES_LANES};
 
 /// What a device must bind at once in WebGPU.
 const BINDING: u64 = 128 << 20;
@@ -47,15 +48,20 @@ fn main() {
             (work.bytes / plan.cells as f64, work.operations / plan.cells as f64);
         println!("{:14} {bytes:11.0} {operations:16.0} {:16.2}", work.kernel, operations / bytes);
     }
+    let words: Vec<_> = std::env::args().skip(1).collect();
+    let sides = words.iter().map(|word| word.parse().expect("cubes per side")).collect::<Vec<_>>();
+    frames(if sides.is_empty() { &SIDES } else { &sides }, plan_of);
+    series(&law, &rows);
+}
+
+fn frames(sides: &[usize], plan_of: impl Fn(usize) -> Plan) {
     println!(
         "\na frame: assembly and {ITERATIONS} iterations, on the device alone; least time by the data sheet [ms]"
     );
     println!(
         "   cells  chunks  padding  repeated  dispatches  device                  roofline  dispatches  frames/s"
     );
-    let sides: Vec<usize> =
-        std::env::args().skip(1).map(|word| word.parse().expect("cubes per side")).collect();
-    for &n in if sides.is_empty() { &SIDES[..] } else { &sides } {
+    for &n in sides {
         let plan = plan_of(n);
         for sheet in &SHEETS {
             let dispatches = plan.dispatches(ITERATIONS);
@@ -72,6 +78,47 @@ fn main() {
                 1e3 * overhead,
                 1.0 / all
             );
+        }
+    }
+}
+
+/// The right-hand sides of a reduced model, for a block of the size of an organ.
+fn series(law: &Law, rows: &[Vec<f64>]) {
+    let block = Block::new(15);
+    let degrees = |highest: usize| {
+        let of = |degree| SeriesPlan::new(&block.solid(law, rows), degree);
+        (2..=highest).map(of).collect::<Result<Vec<_>, _>>().expect("the block is sound")
+    };
+    let pairs = (SERIES_LANES * block.cells.len()) as f64;
+    println!(
+        "\nright-hand sides of series in three variables, the same block; of a cell and position"
+    );
+    println!(
+        "degree  directions  kernel            bytes  operations  operations/byte  transferred"
+    );
+    for plan in degrees(8) {
+        let all = plan.directions as f64 / pairs;
+        for work in &plan.passes {
+            println!(
+                "{:6} {:11}  {:15} {:7.0} {:11.0} {:16.2} {:12.0}",
+                plan.degree,
+                plan.directions,
+                work.kernel,
+                all * work.bytes,
+                all * work.operations,
+                work.operations / work.bytes,
+                all * plan.transferred
+            );
+        }
+    }
+    println!(
+        "\nup to an order, on the device alone; least time by the data sheet of a cell and position [us]"
+    );
+    println!("order  device                      time");
+    for order in [4, 6, 8] {
+        for sheet in &SHEETS {
+            let time: f64 = degrees(order).iter().map(|plan| plan.time(sheet)).sum();
+            println!("{order:5}  {:22} {:9.4}", sheet.name, 1e6 * time / pairs);
         }
     }
 }

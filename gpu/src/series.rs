@@ -102,9 +102,7 @@ impl SeriesBuffers {
     ) -> Result<Self, Error> {
         solid.check()?;
         let (n_cells, n_nodes) = (solid.cells.len(), solid.points.len());
-        let Law::Energy(energy) = solid.law else {
-            return Err(Error::Input("a law without an energy has no series".to_string()));
-        };
+        let energy = energy_of(solid.law)?;
         if base.len() != 3 * n_nodes || !base.iter().all(|u| u.is_finite()) {
             return Err(Error::Input(format!(
                 "a base state of {} values for {n_nodes} nodes; it takes three finite ones for each",
@@ -252,6 +250,20 @@ impl SeriesBuffers {
         let found = commands.read(&[(&room.force, force.len())])?.remove(0);
         force.copy_from_slice(bytemuck::cast_slice(&found));
         Ok(())
+    }
+}
+
+/// The kernel that expands the forces of cells which do not share their volume ratio, with `n` coefficients.
+pub(crate) fn source_of_stresses(law: &Law, rows: &[Vec<f64>], n: usize) -> Result<String, Error> {
+    Ok(Sources { energy: energy_of(law)?.clone(), rows: rows.to_vec(), dilatation: None }
+        .stresses(n))
+}
+
+/// What a series is of.
+fn energy_of(law: &Law) -> Result<&Program, Error> {
+    match law {
+        Law::Energy(energy) => Ok(energy),
+        _ => Err(Error::Input("a law without an energy has no series".to_string())),
     }
 }
 

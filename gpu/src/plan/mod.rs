@@ -1,8 +1,11 @@
 //! A performance estimate without a device: bytes and operations of the kernels, counted from their source and from the
 //! layout of a mesh, and the least time that they take at a given bandwidth and speed.
 
+mod series;
+
 use crate::layout::{Layout, OF_CELL};
 use crate::{Error, Solid};
+pub use series::SeriesPlan;
 
 /// Bytes and operations of one pass of a kernel over a whole body.
 #[derive(Clone, Copy, Debug, PartialEq)]
