@@ -44,7 +44,7 @@ def test_specks_that_no_cell_sees_are_told_and_not_given_to_another() -> None:
         values[tuple(slice(i, i + 2) for i in corner)] = 1
     mesh = vs.Scan(values, VOXEL * np.eye(3, 4)).mesh({"organ": 1}, edge="12 mm")
     assert mesh.volume == pytest.approx(114.05e-6, rel=1e-3)
-    assert mesh.messages == ("dropped 486 separate pieces with less than 5 % of its label: 1e+02 ml of 'organ'",)
+    assert mesh.messages == ("dropped 486 separate pieces with less than 5 % of its label: 100 ml of 'organ'",)
 
 
 def test_a_part_that_is_thick_in_places_and_thin_in_others_is_told() -> None:

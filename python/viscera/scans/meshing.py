@@ -244,7 +244,7 @@ def _lost_pieces(made: dict[str, Any], names: Sequence[str]) -> list[str]:
     def told(kind: str, reason: str, remedy: str = "") -> list[str]:
         if not (count := made[f"n_{kind}"]):
             return []
-        lost = ", ".join(f"{1e6 * v:.2g} ml of {n!r}" for v, n in zip(made[kind], names, strict=True) if v)
+        lost = ", ".join(f"{float(f'{1e6 * v:.2g}'):g} ml of {n!r}" for v, n in zip(made[kind], names, strict=True) if v)
         pieces = "a separate piece" if count == 1 else f"{count} separate pieces"
         return [f"dropped {pieces} {reason}: {lost}{remedy}"]
 
