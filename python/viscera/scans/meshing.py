@@ -244,7 +244,8 @@ def _lost_pieces(made: dict[str, Any], names: Sequence[str]) -> list[str]:
     def told(kind: str, reason: str, remedy: str = "") -> list[str]:
         if not (count := made[f"n_{kind}"]):
             return []
-        lost = ", ".join(f"{float(f'{1e6 * v:.2g}'):g} ml of {n!r}" for v, n in zip(made[kind], names, strict=True) if v)
+        volumes = zip(1e6 * np.asarray(made[kind]), names, strict=True)
+        lost = ", ".join(f"{float(f'{ml:.2g}'):g} ml of {name!r}" for ml, name in volumes if ml)
         pieces = "a separate piece" if count == 1 else f"{count} separate pieces"
         return [f"dropped {pieces} {reason}: {lost}{remedy}"]
 
