@@ -192,6 +192,36 @@ def test_an_energy_that_stays_bounded_is_told_of(caplog: pytest.LogCaptureFixtur
     assert "the energy stays bounded as J -> 0" in caplog.text
 
 
+def test_it_is_told_of_once_for_a_law(bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Laws made on the way, for the values of a range, for a model file and for parts, say nothing again."""
+    told = "the energy stays bounded as J -> 0"
+    law = vs.StrainEnergy("mu/2*(I1bar - 3) + k/2*(J - 1)**2", mu=4e4, k=1e5)
+    organ = vs.Organ(bar, law, fixed="root")
+    touch = organ.reduce("tip", order=2, vary=vs.Vary("young", 5e4, 2e5, part=[0, 1], nodes=2))
+    answer = touch.at(1e5)(touch.points[touch.touchable_triangles[0, 0]], (0.0, 0.0, -1e-3))
+    answer.stress()
+    touch.save(tmp_path / "bar.viscera")
+    vs.load(tmp_path / "bar.viscera").organ().solve(force={"tip": (0.0, 0.0, -1.0)})
+    vs.Scene({"bar": organ}).organ("bar")
+    assert caplog.text.count(told) == 1
+    vs.StrainEnergy(law.formula, mu=4e4, k=1e5)
+    assert caplog.text.count(told) == 2
+
+
+def test_fibres_of_a_formula_come_back_from_a_model_file(cube: vs.Mesh) -> None:
+    """One family and two, in every cell, and parameters that a formula has no sound energy for."""
+    along = np.random.default_rng(4).standard_normal((2, len(cube.cells), 3))
+    for squares in ("(I4 - 1)**2", "((I4 - 1)**2 + (I6 - 1)**2)"):
+        law = vs.StrainEnergy(f"mu/2*(I1bar - 3) + k*log(J)**2 + q*{squares}", mu=1e3, k=9e3, q=1e3, fibres=along)
+        back = from_core(law.name, law.parameters)
+        assert isinstance(back, vs.StrainEnergy)
+        assert is_same(back, law)
+        assert back.parameters is not law.parameters
+        assert (back.formula, back.names) == (law.formula, law.names)
+    with pytest.raises(vs.VisceraError, match="mu = -1000"):
+        from_core(law.name, -law.parameters)
+
+
 def test_a_formula_with_switches_is_not_reduced(bar: vs.Mesh) -> None:
     law = vs.StrainEnergy("mu/2*(I1bar - 3) + k/2*log(J)**2 + mu*max(I1bar - 3, 0)**2", mu=1e4, k=1e5)
     organ = vs.Organ(bar, law, fixed="root")

@@ -33,8 +33,8 @@ class StrainEnergy(Law):
 
     Stress, tangent and power series are derived from the formula exactly. The stress at rest must vanish. `young` and
     `poisson` are those at small strain. Raises `VisceraError` for text that is not a formula (the error shows where),
-    for a parameter without a value, for a stress at rest, and for moduli that are not positive. A warning is logged if
-    the energy stays bounded as J -> 0, since strong pressure then crushes cells.
+    for a parameter without a value, for a stress at rest, and for moduli that are not positive. A warning is logged,
+    once for a law, if the energy stays bounded as J -> 0, since strong pressure then crushes cells.
 
     >>> law = StrainEnergy("mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2", mu=1e3, lam=4e3)
     >>> law
@@ -52,11 +52,8 @@ class StrainEnergy(Law):
             raise refused(
                 "StrainEnergy: the energy", "a formula, such as 'mu/2*(I1bar - 3) + kappa/2*(J - 1)**2'", energy
             )
-        self.formula = " ".join(energy.split())
-        name = self.prefix + self.formula
-        names = _core.law_parameters(name)
-        families = sum(key in COMPONENTS for key in names) // 3
-        self.names = tuple(names[: len(names) - 3 * families])
+        name = self.prefix + " ".join(energy.split())
+        families = self._take_name(name)
         if "fibres" in self.names:
             raise VisceraError("StrainEnergy: 'fibres' names the directions of fibres; call the parameter otherwise")
         for key in parameters:
@@ -78,6 +75,7 @@ class StrainEnergy(Law):
         used = dict(list(axes.items())[: 3 * families])
         own = columns("StrainEnergy", **{key: parameters[key] for key in self.names}, **used)
         super().__init__(name, np.column_stack(own))
+        # Here alone: whoever made the law is told, and not again for what is computed with it.
         if not all(self.core().resists_collapse()):
             log.warning(
                 "StrainEnergy: the energy stays bounded as J -> 0, so strong pressure can crush cells; a term such as "
@@ -96,15 +94,19 @@ class StrainEnergy(Law):
 
     @classmethod
     def _of_columns(cls, name: str, columns: Floats) -> Law:
+        law = cls.__new__(cls)
+        law._take_name(name)
+        Law.__init__(law, name, columns.T.copy())
+        law.core()  # refuses parameters that the formula has no sound energy for
+        return law
+
+    def _take_name(self, name: str) -> int:
+        """Keep the formula and the names of its parameters; the number of families of fibres, 0 to 2, comes back."""
+        self.formula = name.removeprefix(self.prefix)
         names = _core.law_parameters(name)
         families = sum(key in COMPONENTS for key in names) // 3
-        own = len(names) - 3 * families
-        fibres = None
-        if families:
-            first = columns[own : own + 3].T
-            fibres = np.stack([first, columns[own + 3 :].T if families == 2 else first])
-        values = dict(zip(names[:own], columns[:own], strict=True))
-        return cls(name.removeprefix(cls.prefix), fibres=fibres, **values)
+        self.names = tuple(names[: len(names) - 3 * families])
+        return families
 
     @property
     def stresses(self) -> tuple[int, ...]:
