@@ -88,8 +88,7 @@ class Reducible(Supported):
         >>> touch((1, 0.1, 0.1), (0, 0, -0.01)).force.round(3).tolist()
         [0.242, -0.034, -0.498]
         """
-        radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
-        depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
+        radius, depth, vary = self._sizes(radius, depth, vary)
         order, tolerance, pade = ORDER(order, "order"), TOLERANCE(tolerance, "tolerance"), Flag()(pade, "pade")
         memory = MEMORY(memory, "memory")
         on_gpu = SOLVER(solver, "solver") == "gpu"
@@ -97,17 +96,15 @@ class Reducible(Supported):
             raise VisceraError('the workers of an executor have solver="cholesky"; leave one of the two out')
         if on_gpu:
             gpu.load()
-        if vary is not None and not isinstance(vary, Vary):
-            raise refused("vary", 'a viscera.Vary, such as Vary("young", 1e3, 1e5)', vary)
         if start is not None and not isinstance(start, State):
             raise refused("the state to reduce about", "a State, as solve returns it", start)
         self._require_series()
         self._require_linear_ties()
         nodes = self.touchable(touchable, radius)
-        narrowest = vary.on(self.mesh).low if vary is not None and vary.name == "radius" else radius
+        narrowest = vary.low if vary is not None and vary.name == "radius" else radius
         self._warn_if_narrow(float(narrowest), nodes)
         self._require_held()
-        organ, family = (self._organ, None) if vary is None else vary.on(self.mesh).family(self._organ, radius)
+        organ, family = (self._organ, None) if vary is None else vary.family(self._organ, radius)
         if start is not None and organ.element != self.element:
             raise VisceraError(
                 f"the range of poisson asks for the element {organ.element!r}, and the state to reduce about was found "
@@ -128,7 +125,7 @@ class Reducible(Supported):
             if executor is not None:
                 from viscera.reduced.offline import Finished, Offline
 
-                offline = Offline(organ, vary and vary.on(self.mesh), settings)
+                offline = Offline(organ, vary, settings)
                 batches = Finished(offline.batches(executor, kept, progress))
             model, fault = organ._body.reduce(
                 **settings,
@@ -143,6 +140,20 @@ class Reducible(Supported):
         if vary is not None:
             _warn_if_coarse(vary, touch)
         return touch
+
+    def _sizes(
+        self, radius: float | str | None, depth: float | str | None, vary: Vary | None
+    ) -> tuple[float, float, Vary | None]:
+        """Radius and depth [m] of a reduction, and its range in numbers.
+
+        Raises `VisceraError` for what no touch can have, such as a length above the organ's diagonal.
+        """
+        if vary is not None and not isinstance(vary, Vary):
+            raise refused("vary", 'a viscera.Vary, such as Vary("young", 1e3, 1e5)', vary)
+        whole = self.mesh.diagonal
+        metres = self._length("radius", defaults.RADIUS_FRACTION * whole if radius is None else radius)
+        deepest = self._length("depth", defaults.DEPTH_FRACTION * whole if depth is None else depth)
+        return metres, deepest, None if vary is None else vary.on(self.mesh)
 
     def _batches(
         self,

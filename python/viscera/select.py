@@ -28,6 +28,7 @@ AXES = "xyz"
 FREE = "free"
 """A component of a displacement that nothing prescribes."""
 METRIC = Number("m")
+POSITIVE = Number("m", above=0)
 COMPARISONS: dict[str, Callable[..., NDArray[np.bool_]]] = {
     "<": operator.lt,
     "<=": operator.le,
@@ -105,6 +106,20 @@ def length(value: Any, whole: float, name: str, kind: Number = METRIC) -> float:
             raise VisceraError(f"{name} {brief(value)} is not a length; write it as '12 mm' or '10%'")
         value = _metres(value, 0.0, whole, name)
     return kind(value, name)
+
+
+def size(value: Any, whole: float, name: str) -> float:
+    """A length [m] above zero and not above `whole` [m], the organ's diagonal; a number [m] or words, as in `length`.
+
+    Raises `VisceraError` for a longer one, which mostly is a number in mm.
+
+    >>> size("5 mm", whole=0.2, name="radius")
+    0.005
+    """
+    metres = length(value, whole, name, POSITIVE)
+    if metres > whole:
+        raise VisceraError(f"{name} is {metres:g} m; it may be at most the organ's diagonal, {whole:g} m")
+    return metres
 
 
 def point(value: Lengths, mesh: Sized, name: str) -> Floats:

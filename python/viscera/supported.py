@@ -17,8 +17,8 @@ from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.law import Law, Several
 from viscera.mesh import Floats, Indices, Mesh, Where
-from viscera.quantity import Choice, Number, refused
-from viscera.select import Lengths, length
+from viscera.quantity import Choice, refused
+from viscera.select import Lengths, size
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ ELEMENTS = tuple(name for name, _ in _core.elements())
 NO_DOFS: Indices = np.empty(0, dtype=np.uint32)
 ROUNDING = 1e-9
 """Rounding allowed in Poisson's ratio, which a law computes from other parameters: 0.45 must count as 0.45."""
-POSITIVE = Number("m", above=0)
 NARROW = 0.5
 """Radius of a contact over the mean edge of the surface, below which every patch is a node or a triangle's corners."""
 
@@ -184,11 +183,7 @@ class Supported(Pictured):
             )
 
     def _length(self, name: str, value: float | str) -> float:
-        metres = length(value, self.mesh.diagonal, name, POSITIVE)
-        if metres > self.mesh.diagonal:
-            whole = self.mesh.diagonal
-            raise VisceraError(f"{name} is {metres:g} m; it may be at most the organ's diagonal, {whole:g} m")
-        return metres
+        return size(value, self.mesh.diagonal, name)
 
     @property
     def _organ(self) -> Organ:

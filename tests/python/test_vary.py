@@ -200,6 +200,20 @@ def test_ranges_that_are_none(words: Any, sentence: str) -> None:
         vs.Vary(*words)
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "sentence"),
+    [
+        (5, 900, "the lower end of the range of radius is 5 m; it may be at most the organ's diagonal, 0.424264 m"),
+        (0.05, 900, "the upper end of the range of radius is 900 m; it may be at most the organ's diagonal"),
+        ("5 mm", "101%", "the upper end of the range of radius is 0.428507 m; it may be at most"),
+        ("0 mm", "5 mm", r"the lower end of the range of radius must be a number above 0"),
+    ],
+)
+def test_a_range_of_radii_that_no_organ_has(bar: vs.Mesh, low: Any, high: Any, sentence: str) -> None:
+    with pytest.raises(vs.VisceraError, match=sentence):
+        organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("radius", low, high))
+
+
 def test_what_a_model_cannot_be_set_to(touch: vs.Touch, bar: vs.Mesh) -> None:
     with pytest.raises(vs.VisceraError, match=r"this model covers young from 50000 to 2e\+06, not 1000"):
         touch.at(1e3)
@@ -252,3 +266,35 @@ nodes = 2
     path.write_text(path.read_text().replace("low =", "lwo ="), encoding="utf-8")
     with pytest.raises(vs.VisceraError, match=r"unknown key 'lwo' in \[reduce.vary\]; did you mean 'low'"):
         read_case(path)
+
+
+@pytest.mark.parametrize(
+    ("table", "sentence"),
+    [
+        ('[reduce.vary]\nparameter = "radius"\nlow = 5\nhigh = 900', "the lower end of the range of radius is 5 m"),
+        ("radius = 5", "radius is 5 m"),
+        ("depth = 5", "depth is 5 m"),
+    ],
+)
+def test_a_case_with_a_length_in_mm_is_refused_before_its_loads_are_solved(
+    table: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "beam.toml"
+    path.write_text(
+        f"""
+mesh = "organ:beam"
+fixed = "clamp"
+material = {{ law = "NeoHookean", young = 1e5, poisson = 0.3 }}
+[loads.force]
+tip = [0, 0, -1]
+[reduce]
+start = "loads"
+{table}
+""",
+        encoding="utf-8",
+    )
+    case = read_case(path)
+    organ = case.organ()
+    monkeypatch.setattr(vs.Organ, "solve", lambda *_, **__: pytest.fail("the loads are solved"))
+    with pytest.raises(vs.VisceraError, match=f"^{sentence}; it may be at most the organ's diagonal, 1.03923 m"):
+        case.reduce(organ)

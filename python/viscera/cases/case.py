@@ -260,10 +260,12 @@ class Case(Solvable):
         Touch(525 points, order 2, depth 0.0207846 m)
         """
         options = dict(self.reduction)
-        organ, state = self._touched(organ, options.pop("start", None), progress)
+        start = options.pop("start", None)
         if "vary" in options:
             vary = dict(options["vary"])
             options["vary"] = Vary(vary.pop("parameter"), **vary)
+        organ._sizes(*(options.get(name) for name in ("radius", "depth", "vary")))  # refused before loads are solved
+        organ, state = self._touched(organ, start, progress)
         return organ.reduce(**options, start=state, checkpoint=checkpoint, progress=progress)
 
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:

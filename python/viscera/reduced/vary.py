@@ -16,7 +16,7 @@ from viscera.errors import VisceraError
 from viscera.law import LAWS, Law, TwoModuli, from_core
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Choice, Number, Whole
-from viscera.select import length
+from viscera.select import size
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
@@ -67,14 +67,16 @@ class Vary:
     def on(self, mesh: Mesh) -> Vary:
         """The range in numbers, for an organ of this mesh.
 
+        Raises `VisceraError` for a radius above the diagonal of its bounding box.
+
         >>> import viscera as vs
         >>> vs.Vary("radius", "5%", "8 cm", nodes=3).on(vs.organs.beam()).high
         0.08
         """
         if self.name != "radius":
             return self
-        low, high = (length(end, mesh.diagonal, "the range of radius") for end in (self.low, self.high))
-        return replace(self, low=low, high=high)
+        low = size(self.low, mesh.diagonal, "the lower end of the range of radius")
+        return replace(self, low=low, high=size(self.high, mesh.diagonal, "the upper end of the range of radius"))
 
     @property
     def _ends(self) -> tuple[float, float]:
