@@ -122,6 +122,7 @@ class Deformed:
         """Total force (3,) [N] of one of the organ's elastic supports on it; of a bond, on its first organ.
 
         Of a support that several organs of a scene share, the force on all of them; `state["liver"]` tells that on one.
+        `touch.organ().supports[0]` has all supports and bonds of a model; its force is that of all supports.
 
         >>> import viscera as vs
         >>> bed = vs.ElasticSupport("z < 1%", stiffness=1e6)
@@ -136,6 +137,8 @@ class Deformed:
             raise VisceraError(f"{support!r} is no elastic support of this organ; see the `supports` it was made with")
         if any(ties.surfaces for ties in its):
             raise VisceraError(f"{support!r} is a contact pair; `contact` gives its force")
+        if isinstance(support, Ties):  # those of a model together, of which bonds pull on both of their organs
+            return np.asarray(sum(ties.force_on_all(displacement) for ties in its))
         return np.asarray(sum(ties.force(displacement) for ties in its))
 
     def strain(self, measure: str = "green", at: str = "cells") -> Floats:
@@ -385,7 +388,7 @@ def _among_those_of_a_model(support: Tied | Bond, organ: Organ) -> list[Ties]:
     if not found:
         raise VisceraError(
             f"{support!r} is not found among the supports of this model, which keeps them all together; "
-            "`answer.support_force(touch.organ().supports[0])` tells the force of all"
+            "`answer.support_force(touch.organ().supports[0])` tells the force of all supports"
         )
     if len(found) > 1:
         raise VisceraError(

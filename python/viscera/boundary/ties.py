@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from viscera import _core
 from viscera.mesh import Floats, Indices, Mesh
@@ -31,6 +32,11 @@ class Link:
     length: float
     """Length without force [m]."""
     is_cable: bool
+
+    @property
+    def share(self) -> float:
+        """Part of its force on the first end that is left of those on both: 0 unless the second is in space."""
+        return sum(weight for _, weight in self.ends)
 
     def offset(self, displacement: Floats) -> Floats:
         """What of a field (n, 3) lies between its ends (3,)."""
@@ -105,12 +111,32 @@ class Ties:
         return *self.arrays, links, pairs
 
     def force(self, displacement: Floats) -> Floats:
-        """Total force (3,) [N] on what the positive weights belong to, at a displacement (n, 3) [m]."""
-        pull = np.sum([link.force(displacement) for link in self.links], axis=0) if self.links else np.zeros(3)
+        """Total force (3,) [N] on the first of what they tie, at a displacement (n, 3) [m].
+
+        That is what the positive weights belong to: the organ that a support holds, the first organ of a bond.
+        """
+        return np.asarray(sum((link.force(displacement) for link in self.links), self._pulls(displacement).sum(axis=0)))
+
+    def force_on_all(self, displacement: Floats) -> Floats:
+        """Total force (3,) [N] on all nodes, at a displacement (n, 3) [m].
+
+        Each sample counts by the sum of its weights: what pulls two surfaces together adds nothing.
+        """
+        sums = np.add.reduceat(self.weights, self._begins) if len(self) else np.zeros(0)
+        held = sum((link.share * link.force(displacement) for link in self.links), np.zeros(3))
+        return np.asarray(held + sums @ self._pulls(displacement))
+
+    @property
+    def _begins(self) -> NDArray[np.int64]:
+        """(s,) where the nodes of each sample begin."""
+        return self.start[:-1].astype(np.int64)
+
+    def _pulls(self, displacement: Floats) -> Floats:
+        """Force (s, 3) [N] of each sample on what its positive weights belong to."""
         if not len(self):
-            return np.asarray(pull)
-        stretch = np.add.reduceat(self.weights[:, None] * displacement[self.nodes], self.start[:-1].astype(np.int64))
-        return np.asarray(pull - np.einsum("sij,sj->i", self.stiffness.reshape(-1, 3, 3), stretch))
+            return np.zeros((0, 3))
+        stretch = np.add.reduceat(self.weights[:, None] * displacement[self.nodes], self._begins)
+        return np.asarray(-np.einsum("sij,sj->si", self.stiffness.reshape(-1, 3, 3), stretch))
 
     def holds(self, other: Ties) -> bool:
         """Whether all samples of another are among these, as those of one support are among those of all.
