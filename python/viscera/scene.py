@@ -264,7 +264,7 @@ class Scene(Organ):
             raise refused("a bond of a scene", "a Bond or a Spring, such as Bond('liver', 'gallbladder')", bond)
         if pieces is None:
             sides, diagonal = self._sides(bond)
-            pieces = bond._pieces(mesh, sides, length(bond.reach, diagonal, "the reach of a bond"))
+            pieces = bond._pieces(mesh, sides, bond._reach(diagonal))
         shear, bulk = np.broadcast_to(law.core().moduli(), (len(mesh.cells), 2)).T
         modulus = 4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
         return Placed(bond, bond._samples(mesh, pieces, modulus), pieces)

@@ -16,6 +16,7 @@ from viscera.boundary.ties import Ties
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Flag, Number, refused
+from viscera.select import length
 
 Side: TypeAlias = str | tuple[str, Where]
 """The name of an organ for its whole surface, or the name and a place of its surface."""
@@ -23,6 +24,7 @@ Side: TypeAlias = str | tuple[str, Where]
 STIFFNESS = 100.0
 """Stiffness factor of a bond. An interface under a stress `s` opens by `s / E` of a hundredth of a cell's height."""
 FACTOR = Number(above=0)
+POSITIVE = Number("m", above=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class Bond:
         surface). Triangles that face each other and are at most `reach` apart hold together.
     sliding: whether the surfaces may slide along each other. They do not separate, and slides are small: the samples
         and the normal are those at rest.
-    stiffness: see above. reach [m], or in words such as "1 mm" or "1%" of the diagonal of the smaller organ.
+    stiffness: see above. reach: above 0 [m], or in words such as "1 mm" or "1%" of the diagonal of the smaller organ.
 
     >>> import viscera as vs
     >>> vs.Bond(("liver", "bed"), "gallbladder")
@@ -69,6 +71,7 @@ class Bond:
         self.sliding = Flag()(sliding, "sliding")
         self.stiffness = FACTOR(stiffness, "the stiffness of a bond")
         self.reach = reach
+        self._reach(1.0)  # its sign and its words, before there are organs
 
     def __repr__(self) -> str:
         words = [name if where is None else f"{name} at {name_of(where)}" for name, where in self.sides]
@@ -83,6 +86,10 @@ class Bond:
         (('liver', 'bed'), ('gallbladder', None))
         """
         return self.first, self.second
+
+    def _reach(self, diagonal: float) -> float:
+        """Its reach [m] where the smaller organ has this diagonal [m]."""
+        return length(self.reach, diagonal, "the reach of a bond", POSITIVE)
 
     def _pieces(self, mesh: Mesh, faces: Sequence[Indices], reach: float) -> Pieces:
         """What the faces (f, 3) or (f, 6) of both sides have in common on the mesh of the scene; reach [m]."""
