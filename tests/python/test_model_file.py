@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera import _core
 from viscera.reduced.touch import load_bytes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,23 +52,60 @@ def test_the_metadata_and_the_organ_are_there(reader: ModuleType, file: Path) ->
     assert len(arrays["region_start"]) > 2
 
 
-def test_the_page_describes_every_array_of_the_file(reader: ModuleType, file: Path, bar: vs.Mesh) -> None:
+def described(what: str) -> list[str]:
+    """The names in the first column of a table of the page, sorted."""
     page = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
-    rows = re.search(r"\| array \|.*?\n\n", page, re.DOTALL)
+    rows = re.search(rf"\| {what} \|.*?\n\n", page, re.DOTALL)
     assert rows is not None
-    described = [re.findall(r"`(\w+)`", line.split("|")[1]) for line in rows[0].splitlines()[2:] if line]
+    return sorted(
+        name for line in rows[0].splitlines()[2:] if line for name in re.findall(r"`(\w+)`", line.split("|")[1])
+    )
+
+
+def test_the_page_describes_every_array_and_key_of_the_file(reader: ModuleType, file: Path, bar: vs.Mesh) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
     state, vary = organ.solve(force={"tip": (0, 0, -1.0)}), vs.Vary("young", 1e4, 1e6, part=[0, 1], nodes=2)
     lying = vs.Organ(bar, organ.law, supports=[vs.ElasticSupport("root", stiffness=1e6)])
-    names = set(reader.read(file)[1])
+    keys, names = map(set, reader.read(file))
     for touch in (
         organ.reduce("tip", order=2, start=state),
         organ.reduce("tip", order=3, vary=vary),
         lying.reduce("tip", order=2),
     ):
         touch.save(file.with_name("bar.viscera"))
-        names |= set(reader.read(file.with_name("bar.viscera"))[1])
-    assert sorted(name for row in described for name in row) == sorted(names)
+        about, arrays = reader.read(file.with_name("bar.viscera"))
+        keys |= set(about)
+        names |= set(arrays)
+    assert described("array") == sorted(names)
+    assert described("key") == sorted(keys)
+
+
+@pytest.mark.parametrize("is_loaded", [False, True])
+def test_midpoints_are_numbered_as_the_page_says(
+    is_loaded: bool, reader: ModuleType, tmp_path: Path, bar: vs.Mesh
+) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root", element="P2")
+    state = organ.solve(force={"tip": (0, 0, -1.0)}) if is_loaded else None
+    organ.reduce("tip", order=2, start=state).save(tmp_path / "bar.viscera")
+    about, arrays = reader.read(tmp_path / "bar.viscera")
+    assert about["element"] == "P2"
+    cells, c = arrays["cells"].astype(int), int(arrays["cells"].max()) + 1
+    ends = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+    edges = sorted({tuple(sorted(pair)) for a, b in ends for pair in cells[:, [a, b]].tolist()})
+    node = {pair: c + k for k, pair in enumerate(edges)}
+
+    def middle(a: int, b: int) -> int:
+        return node[min(a, b), max(a, b)]
+
+    rest = arrays["points"] - arrays.get("preload", 0.0)
+    assert rest[c:] == pytest.approx(rest[np.array(edges)].mean(axis=1), abs=1e-12)
+    assert len(rest) == c + len(edges)
+    ten = [[*cell, *(middle(cell[a], cell[b]) for a, b in ends)] for cell in cells.tolist()]
+    assert _core.quadratic(c, arrays["cells"])[1].tolist() == ten
+    for face in arrays["surface"].reshape(-1, 4, 3).tolist():
+        a, b, d = face[0][0], face[1][1], face[2][2]
+        ab, bd, da = middle(a, b), middle(b, d), middle(d, a)
+        assert face == [[a, ab, da], [ab, b, bd], [da, bd, d], [ab, bd, da]]
 
 
 def test_force_and_field_are_those_of_the_package(reader: ModuleType, file: Path) -> None:
