@@ -7,7 +7,8 @@ import itertools
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -134,6 +135,18 @@ def shared() -> Path:
     if not (folder / "reference").is_dir():
         pytest.skip(f"no reference material in {folder}; name its folder in VISCERA_SHARED")
     return folder
+
+
+@contextmanager
+def full_disk(most: int = 2000) -> Iterator[None]:
+    """While this lasts, no file takes more than that many bytes; Python ignores the signal, so writing fails."""
+    resource = pytest.importorskip("resource", reason="this system limits no file")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def coarse_liver(edge: float) -> vs.Organ:

@@ -8,14 +8,17 @@ import stat
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import time
 
 import pytest
+from tests.conftest import full_disk
 
 import viscera as vs
-from viscera.files.atomic import STALE, replacing, writable
+from viscera.cli import main
+from viscera.files.atomic import STALE, NotWritten, replacing, writable
 
 
 def put(target: Path, text: str) -> None:
@@ -105,6 +108,49 @@ def test_a_link_is_followed(tmp_path: Path) -> None:
     (tmp_path / "round").symlink_to(tmp_path / "round")
     with pytest.raises(vs.VisceraError, match="no file can be written there"):
         put(tmp_path / "round", "")
+
+
+@pytest.mark.parametrize("name", ["a.vtu", "a.vtk", "a.msh", "a.ply", "a.glb", "a.png", "a.viscera"])
+def test_what_does_not_fit_on_the_disk_is_named_and_the_old_file_stays(name: str, bar: vs.Mesh, tmp_path: Path) -> None:
+    """Some writers raise an error of the system, NumPy one that has no number."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    target = tmp_path / name
+    target.write_text("old")
+    shape = organ.solve(force={"tip": (0.0, 0.0, -1.0)})
+    write: Callable[[Path], object] = {".png": shape.plot}.get(target.suffix, shape.write)
+    if name.endswith(".viscera"):
+        write = organ.reduce("tip", depth="2%", order=2).save
+    with full_disk(), pytest.raises(NotWritten, match=rf"{name}: could not be written .*; see that the folder") as told:
+        write(target)
+    assert ".part" not in str(told.value)
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize(
+    "error", [vs.VisceraError("cell 3"), OSError("odd"), PermissionError(13, "no", "other.csv"), OSError(5, "broken")]
+)
+def test_an_error_of_something_else_stays_what_it_is(error: Exception, tmp_path: Path) -> None:
+    def raising() -> None:
+        with replacing(tmp_path / "a.json"):
+            raise error
+
+    with pytest.raises(type(error)) as told:
+        raising()
+    assert told.value is error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_no_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "case.toml").write_text(
+        'mesh = "organ:beam"\nfixed = "x < 1%"\nmaterial = {law = "NeoHookean", young = 1e5, poisson = 0.3}\n'
+    )
+    with full_disk():
+        assert main(["solve", "case.toml", "--quiet", "-o", "a.vtk", "--json", "a.json"]) == 2
+    facts = json.loads((tmp_path / "a.json").read_text())
+    assert facts["status"] == "not written"
+    assert facts["message"].startswith("a.vtk: could not be written whole (")
 
 
 def test_a_pipe_stays_a_pipe(tmp_path: Path) -> None:

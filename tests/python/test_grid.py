@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.conftest import full_disk
 
 import viscera as vs
 from viscera.cli import main
@@ -59,9 +60,19 @@ def test_an_image_is_written_under_its_own_name_alone(tmp_path: Path, ending: st
 
 
 def test_an_image_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError):
-        grid.write(tmp_path / "image.nii", sitk.Image([4, 4, 4], sitk.sitkComplexFloat32, 2))
+    with pytest.raises(vs.VisceraError, match=r"image\.nii: could not be written \(SimpleITK: "):
+        grid.write(tmp_path / "image.nii", sitk.Image([4, 4, 4], sitk.sitkLabelUInt8))
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", [".nii.gz", ".nii", ".nrrd", ".mha"])
+def test_a_part_of_an_image_is_no_image(tmp_path: Path, ending: str) -> None:
+    """On a full disk SimpleITK says nothing of some formats."""
+    image = sitk.GetImageFromArray(np.random.default_rng(0).integers(0, 99, (20, 30, 40)).astype(np.int16))
+    for most in (2000, 4096, 8192):
+        with full_disk(most), pytest.raises(vs.VisceraError, match=rf"image{ending}: could not be written \("):
+            grid.write(tmp_path / f"image{ending}", image)
+        assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])

@@ -1,7 +1,7 @@
 """The `viscera` program: one file here for each command, each a thin layer over the Python API.
 
-Exit codes: 0 done; 1 did not converge, or a check failed; 2 bad input, one sentence on standard error; 130 interrupted;
-141 nobody reads what is printed.
+Exit codes: 0 done; 1 did not converge, or a check failed; 2 bad input or a full disk, one sentence on standard error;
+130 interrupted; 141 nobody reads what is printed.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from viscera.cli import (
 )
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, NO_READER, Outcome, Output, ReaderGone, put, standard_error
 from viscera.errors import VisceraError
+from viscera.files.atomic import NotWritten
 
 VERBS = (
     demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, register, warp, study, bench, doctor,
@@ -101,7 +102,8 @@ def _run(words: list[str]) -> int:
         message = str(stop) or "interrupted; nothing was left half-written"
         outcome = Outcome("interrupted", INTERRUPTED, {"message": message})
     except (ValueError, OSError) as error:
-        outcome = Outcome("bad input", BAD_INPUT, {"message": " ".join(str(error).split())})
+        status = "not written" if isinstance(error, NotWritten) else "bad input"
+        outcome = Outcome(status, BAD_INPUT, {"message": " ".join(str(error).split())})
     if outcome.code in {BAD_INPUT, INTERRUPTED}:
         _refused(args.verb, outcome.facts["message"])
     try:

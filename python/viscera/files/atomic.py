@@ -5,6 +5,7 @@ Anything but a regular file (a device, a pipe) is written in place, in one piece
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
@@ -23,8 +24,16 @@ Name = str | os.PathLike[str]
 
 SCRATCH = re.compile(r"\.viscera-[0-9a-f]{16}\.part(\..*)?")
 """Names of scratch files. They are random, since processes in two containers may have the same number."""
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+"""Errors that only writing raises. They come without the name of the file."""
+SHORT = re.compile(r"\d+ requested and \d+ written")
+"""All that NumPy says, without a number of the system, when a file takes a part of an array."""
 STALE = 3600.0
 """Seconds since its last change after which a scratch file belongs to a program that was killed."""
+
+
+class NotWritten(VisceraError):
+    """A file could not be written to its end; its place may be sound otherwise."""
 
 
 def writable(path: Name) -> Path:
@@ -84,12 +93,14 @@ def replacing(path: Name) -> Iterator[Path]:
     """A scratch path to write to; it takes the place of `path` when the block ends well and vanishes when it does not.
 
     The suffix is kept, since writers choose the format by it. A reader of `path` sees the old file or the new one.
+    Raises `NotWritten` if the scratch file cannot be written to its end; other errors of the block stay what they are.
     """
     target = writable(path)
     if _is_in_place(target):
         with tempfile.TemporaryDirectory() as folder:
             scratch = Path(folder, f"whole{target.suffix}")
-            yield scratch
+            with _telling(target, scratch, tempfile.gettempdir()):
+                yield scratch
             _pour(scratch, target)
         return
     whole = Path(_real(target))
@@ -98,7 +109,8 @@ def replacing(path: Name) -> Iterator[Path]:
     with _refusing(target):  # before the writer does, whose error would name the scratch file
         scratch.touch(exist_ok=False)
     try:
-        yield scratch
+        with _telling(target, scratch, str(whole.parent)):
+            yield scratch
         with _refusing(target):
             if whole.exists():
                 shutil.copymode(whole, scratch)
@@ -114,6 +126,26 @@ def _refusing(target: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise VisceraError(f"{target}: no file can be written there ({error.strerror})") from error
+
+
+@contextmanager
+def _telling(target: Path, scratch: Path, folder: str) -> Iterator[None]:
+    """An error of writing the scratch file, in the folder, becomes one that names the file which was to be written."""
+    try:
+        yield
+    except OSError as error:
+        if not _is_of(scratch, error):
+            raise
+        fault = f"written ({error.strerror})" if error.strerror else f"written whole ({error})"
+        advice = f"see that the folder {folder!r} has room, or name a file elsewhere"
+        raise NotWritten(f"{target}: could not be {fault}; {advice}") from error
+
+
+def _is_of(scratch: Path, error: OSError) -> bool:
+    """Whether an error came of writing the scratch file. Another file that is read has a name, or another error."""
+    if error.filename is not None:
+        return error.filename in (scratch, str(scratch))
+    return error.errno in FULL or (error.errno is None and SHORT.fullmatch(str(error)) is not None)
 
 
 def _is_same(one: Path, other: Path) -> bool:
@@ -148,7 +180,7 @@ def _pour(scratch: Path, target: Path) -> None:
         with scratch.open("rb") as whole, os.fdopen(descriptor, "wb") as out:
             shutil.copyfileobj(whole, out)
     except OSError as error:
-        raise VisceraError(f"{target}: could not be written ({error.strerror})") from error
+        raise NotWritten(f"{target}: could not be written ({error.strerror})") from error
 
 
 def _sweep(folder: Path) -> None:

@@ -19,7 +19,7 @@ from viscera.errors import VisceraError
 from viscera.files.atomic import replacing, writable
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number, path_of, refused
-from viscera.scans.image import nifti_affine, unit_of
+from viscera.scans.image import nifti_affine, unit_of, write_by_itk
 from viscera.scans.scan import Scan
 
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
@@ -356,14 +356,7 @@ def write(path: str | os.PathLike[str], image: Any) -> None:
     name = str(path_of(path, "the file to write"))
     ending = _ending(name)
     with replacing(name) as scratch:
-        # A scratch file keeps only the last ending. It stands once alone: ITK makes one `.nii` of two.
-        whole = scratch.with_name(scratch.stem + ending)
-        try:
-            sitk().WriteImage(image, os.fspath(whole), useCompression=True)
-            os.replace(whole, scratch)
-        except BaseException:
-            whole.unlink(missing_ok=True)
-            raise
+        write_by_itk(image, scratch, ending)
 
 
 def checked(path: str | os.PathLike[str]) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -160,7 +161,29 @@ def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> 
         image.SetSpacing(spacing.tolist())
         image.SetOrigin(affine[:, 3].tolist())
         image.SetDirection((affine[:, :3] / spacing).ravel().tolist())
-        sitk.WriteImage(image, str(scratch), True)
+        write_by_itk(image, scratch, ending)
+
+
+def write_by_itk(image: Any, scratch: Path, ending: str) -> None:
+    """Writes an image of SimpleITK in the format of the ending, whatever that of the scratch file.
+
+    Raises `OSError` of the scratch file unless it holds every voxel: on a full disk the library writes a part of some
+    formats and says nothing. What it wrote is therefore read again.
+    """
+    sitk = _library("SimpleITK")
+    # A scratch file keeps only the last ending. It stands once alone: ITK makes one `.nii` of two.
+    whole = scratch.with_name(scratch.stem + ending)
+    try:
+        sitk.WriteImage(image, str(whole), useCompression=True)
+        if sitk.Hash(sitk.ReadImage(str(whole))) != sitk.Hash(image):
+            raise OSError(errno.EIO, "not every voxel is in the file", str(scratch))
+        whole.replace(scratch)
+    except RuntimeError as error:
+        reason = str(error).strip().rpartition("\n")[2]
+        raise OSError(errno.EIO, f"SimpleITK: {reason}", str(scratch)) from error
+    finally:
+        if whole != scratch:
+            whole.unlink(missing_ok=True)
 
 
 def ending_of(path: Path, formats: tuple[str, ...] = FORMATS) -> str:
