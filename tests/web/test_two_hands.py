@@ -279,6 +279,60 @@ def test_a_second_finger_beside_the_organ_turns_the_view(telephone: Viewer) -> N
     assert viewer.state["two"] is None
 
 
+def test_a_second_finger_waits_while_what_answers_it_is_loaded(telephone: Viewer) -> None:
+    viewer, fingers = telephone, Fingers(telephone)
+    (x0, y0), (x1, y1) = viewer.place(LEFT), viewer.place(RIGHT)
+    asked: list[Any] = []
+    viewer.page.route("**/organ.case*", lambda route: asked.append(route))
+    with viewer.page.expect_request("**/organ.case*"):
+        fingers("touchStart", (x0, y0))
+    fingers("touchMove", (x0, y0 - 8))
+    one = viewer.state
+    fingers("touchStart", (x0, y0 - 8), (x1, y1))
+    fingers("touchMove", (x0, y0 - 8), (x1, y1 + 2))
+    assert [viewer.state[name] for name in ("activity", "force", "two")] == ["held", one["force"], None]
+    while not asked:
+        viewer.page.wait_for_timeout(20)
+    asked[0].continue_()
+    # The finger that waited holds on from where it lies by now.
+    viewer.page.wait_for_function("() => viscera.state().two !== null")
+    fingers("touchMove", (x0, y0 - 8), (x1, y1 + 40))
+    viewer.page.wait_for_function(SETTLED)
+    first, second = viewer.state["two"]["hands"]
+    assert first["displacement"] == one["displacement"]
+    assert first["displacement"][2] > 1e-3 > -1e-3 > second["displacement"][2]
+    fingers("touchEnd")
+    viewer.page.wait_for_function("() => viscera.state().two === null && viscera.state().activity === 'rest'")
+
+
+def test_where_one_finger_touches_a_second_waits_until_it_lets_go(
+    look_at: Look, touch: vs.Touch, tmp_path: Path
+) -> None:
+    export(touch, tmp_path / "bar.html", "Bar")
+    viewer = look_at((tmp_path / "bar.html").as_uri(), **TELEPHONE)
+    fingers, (x0, y0), (x1, y1) = Fingers(viewer), viewer.place(LEFT), viewer.place(RIGHT)
+    camera = "() => viscera.stage.camera.position.toArray()"
+    seen = viewer.page.evaluate(camera)
+    fingers("touchStart", (x0, y0))
+    fingers("touchMove", (x0, y0 + 8))
+    one = viewer.state
+    fingers("touchStart", (x0, y0 + 8), (x1, y1))
+    fingers("touchMove", (x0, y0 + 8), (x1, y1 + 4))
+    held = ["held", one["point"], one["force"]]
+    assert [viewer.state[name] for name in ("activity", "point", "force")] == held
+    # A third one is nobody's, and does not take the place of the one that waits.
+    fingers("touchStart", (x0, y0 + 8), (x1, y1 + 4), (x0, y0 - 130))
+    assert [viewer.state[name] for name in ("activity", "point", "force")] == held
+    fingers("touchEnd", (x0, y0 + 8))
+    viewer.page.wait_for_function("(x) => viscera.state().point?.[0] > x", arg=0.5 * (LEFT[0] + RIGHT[0]))
+    assert viewer.state["activity"] == "held"
+    fingers("touchEnd")
+    viewer.page.wait_for_function("() => viscera.state().activity === 'rest'")
+    assert viewer.page.evaluate(camera) == pytest.approx(seen)
+    assert viewer.complaints == []
+    viewer.close()
+
+
 def test_where_the_organ_cannot_be_stepped_one_finger_touches(look_at: Look, touch: vs.Touch, server: Server) -> None:
     gone = (
         "const get = fetch; window.fetch = (url, ...more) => get(String(url).replace('organ.case', 'gone'), ...more);"

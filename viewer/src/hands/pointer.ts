@@ -28,8 +28,8 @@ export interface Touched {
   reading(hand: number): Reading | null;
   /** How many hands may touch at once. */
   readonly hands: number;
-  /** Readies what a second hand needs, where one may come. */
-  expectTwo?(): void;
+  /** Readies what a second hand needs, where one may come; done once two may touch, or once that cannot be. */
+  expectTwo?(): Promise<void>;
   readonly tool: Tool;
   readonly depth: number;
   /** A hand that moves farther from where it took hold moves the contact no more [m]. */
@@ -42,6 +42,13 @@ export interface Touched {
 const NOTCH = [100, 3, 1] as const;
 /** It pushes in by this part of the depth. */
 const PUSH = 0.1;
+
+/** A finger that lies on the organ before a hand is free for it, and where on the canvas [px]: an event knows while it is told. */
+interface Waiting {
+  last: PointerEvent;
+  x: number;
+  y: number;
+}
 
 /** A mouse or a finger that holds on: where it took hold [m], what was displaced before, and where it is now. */
 interface Drag {
@@ -57,6 +64,8 @@ export class Pointer {
   private readonly ray = new THREE.Raycaster();
   /** By the browser's number of the pointer. */
   private readonly holding = new Map<number, Drag>();
+  /** The second finger, until it may hold on too or the first one has let go. */
+  private waiting: Waiting | null = null;
   /** Fingers on the canvas, with where they came down; two are the camera's, unless each holds on. */
   private readonly fingers = new Map<number, PointerEvent>();
   private readonly abort = new AbortController();
@@ -109,20 +118,40 @@ export class Pointer {
     const isTouch = event.pointerType === "touch";
     if (isTouch) {
       this.fingers.set(event.pointerId, event);
-      this.touched.expectTwo?.();
+      void this.touched.expectTwo?.().then(() => this.admit());
     }
     const isFurther = isTouch && this.fingers.size > 1;
-    // With two hands full, a third finger is nobody's.
-    if (isFurther && this.holding.size > 1) return event.stopImmediatePropagation();
-    const mayHold = this.touched.hands > 0 && event.button === 0 && (this.holding.size === 0 ? !isFurther : isFurther && this.touched.hands > 1);
-    const hit = mayHold ? this.under(event.offsetX, event.offsetY) : null;
-    if (hit) this.take(event, hit);
-    else if (isFurther) this.handOn();
+    // With two hands full, or one that waits, a third finger is nobody's.
+    if (isFurther && (this.holding.size > 1 || this.waiting)) return event.stopImmediatePropagation();
+    const isHand = this.touched.hands > 0 && event.button === 0 && this.holding.size > 0 === isFurther;
+    const hit = isHand ? this.under(event.offsetX, event.offsetY) : null;
+    if (!hit) return isFurther ? this.handOn() : undefined;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    if (this.isFree) this.take(event, hit);
+    else this.wait(event);
+  }
+
+  /** Whether one hand more may touch. */
+  private get isFree(): boolean {
+    return this.holding.size < this.touched.hands;
+  }
+
+  private wait(event: PointerEvent): void {
+    this.waiting = { last: event, x: event.offsetX, y: event.offsetY };
+  }
+
+  /** The finger that waits takes hold, where it lies on the organ and may. */
+  private admit(): void {
+    if (!this.waiting || !this.isFree) return;
+    const { last, x, y } = this.waiting;
+    const hit = this.under(x, y);
+    if (!hit) return;
+    this.waiting = null;
+    this.take(last, hit);
   }
 
   private take(event: PointerEvent, hit: Hit): void {
-    event.stopImmediatePropagation();
-    event.preventDefault();
     const { canvas, controls } = this.stage;
     canvas.focus({ preventScroll: true });
     controls.enabled = false;
@@ -140,6 +169,9 @@ export class Pointer {
     if (held) {
       held.last = event;
       this.displace(held);
+    } else if (this.waiting?.last.pointerId === event.pointerId) {
+      this.wait(event);
+      this.admit();
     } else if (this.touched.hands > 0 && this.holding.size === 0 && event.buttons === 0) {
       const hit = this.under(event.offsetX, event.offsetY);
       this.stage.canvas.classList.toggle("is-touchable", hit !== null);
@@ -149,7 +181,9 @@ export class Pointer {
 
   private lift(event: PointerEvent): void {
     this.fingers.delete(event.pointerId);
+    if (this.waiting?.last.pointerId === event.pointerId) this.waiting = null;
     if (this.holding.has(event.pointerId)) this.letGo(event.pointerId);
+    this.admit();
   }
 
   private letGo(id: number): void {

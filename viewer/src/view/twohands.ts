@@ -17,9 +17,10 @@ export class TwoHands {
   readonly readings = element("div");
   readonly labels = element("div");
   private readonly pair: ProbePair;
-  /** Null until it has been asked for and is there. */
+  /** Null until it is there. */
   private duet: Duet | null = null;
-  private isExpecting = false;
+  /** Done once it is there, or cannot be; null until it has been asked for. */
+  private expected: Promise<void> | null = null;
 
   constructor(
     private readonly evaluator: Evaluator,
@@ -39,9 +40,13 @@ export class TwoHands {
   }
 
   /** Loads what answers two hands without probes, where a second one may come. */
-  expect(): void {
-    if (this.caseUrl === null || this.isExpecting || this.hasProbe) return;
-    this.isExpecting = true;
+  expect(): Promise<void> {
+    if (this.caseUrl === null || this.hasProbe) return Promise.resolve();
+    this.expected ??= this.prepare(this.caseUrl);
+    return this.expected;
+  }
+
+  private prepare(caseUrl: string): Promise<void> {
     const enter = (duet: Duet) => {
       this.readings.append(duet.root);
       duet.factor = this.evaluator.factor;
@@ -49,7 +54,7 @@ export class TwoHands {
       this.changed();
     };
     // Where it cannot be loaded, one hand touches as before.
-    Duet.prepare(this.stage, this.display, this.labels, this.caseUrl).then(enter, (error: unknown) => console.info(error));
+    return Duet.prepare(this.stage, this.display, this.labels, caseUrl).then(enter, (error: unknown) => console.info(error));
   }
 
   /** Whether two hands have taken hold, and the model alone does not answer yet. */

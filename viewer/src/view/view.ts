@@ -113,8 +113,8 @@ export class View implements Touched, Keyed, Shared {
     return this.two.count;
   }
 
-  expectTwo(): void {
-    this.two.expect();
+  expectTwo(): Promise<void> {
+    return this.two.expect();
   }
 
   grab(hit: Hit, hand = 0): void {
