@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.conftest import full_disk
 
 import viscera as vs
 from viscera import cli
@@ -150,13 +151,49 @@ def test_a_limit_that_cannot_be_kept_is_a_sentence(touch: vs.Touch) -> None:
         web_model(touch, "Bar", limit=1000)
 
 
-def test_an_export_is_a_whole_page(touch: vs.Touch, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def files() -> dict[str, bytes]:
+    """Those of the page, if it was built."""
     try:
-        files = page.files()
+        return page.files()
     except vs.VisceraError as error:
         pytest.skip(str(error))
+
+
+def test_an_export_is_a_whole_page(touch: vs.Touch, files: dict[str, bytes], tmp_path: Path) -> None:
     written = export(touch, tmp_path / "site", "Bar")
     assert set(written.files) == {*files, page.MODEL} == {path.name for path in (tmp_path / "site").iterdir()}
     assert vs.load(tmp_path / "site" / page.MODEL).metadata["user"]["name"] == "Bar"
     with pytest.raises(vs.VisceraError, match="is a file"):
         export(touch, tmp_path / "site" / "viewer.js")
+
+
+@pytest.mark.usefixtures("files")
+def test_a_page_is_exported_whole_or_not_at_all(touch: vs.Touch, tmp_path: Path) -> None:
+    """On a full disk small files still fit; the page of before must not meet them."""
+    for target in (tmp_path / "new" / "site", tmp_path / "new" / "site.html"):
+        with full_disk(100_000), pytest.raises(vs.VisceraError, match="could not be written"):
+            export(touch, target)
+        assert list(tmp_path.iterdir()) == []
+    site = tmp_path / "site"
+    site.mkdir()
+    old = {name: f"old {name}" for name in ("index.html", "page.css", "viewer.js", "organ.viscera")}
+    for name, text in old.items():
+        (site / name).write_text(text)
+    with full_disk(100_000), pytest.raises(vs.VisceraError, match=r"site/.+: could not be written"):
+        export(touch, site)
+    assert {path.name: path.read_text() for path in site.iterdir()} == old
+
+
+@pytest.mark.usefixtures("files")
+def test_the_page_itself_comes_last(touch: vs.Touch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    came, replace = [], Path.replace
+
+    def noted(self: Path, target: Path) -> Path:
+        came.append(Path(target).name)
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", noted)
+    written = export(touch, tmp_path / "site")
+    assert sorted(came) == written.files
+    assert came[-1] == "index.html"

@@ -71,6 +71,20 @@ def made_folder(path: Name) -> Path:
     return target
 
 
+@contextmanager
+def making(folder: Path) -> Iterator[None]:
+    """A folder, made where it is missing; what was made, and is empty, vanishes when the block does not end well."""
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        made_folder(folder)
+        yield
+    except BaseException:
+        with suppress(OSError):  # it was not made, or something else has come in
+            for each in missing:
+                each.rmdir()
+        raise
+
+
 def spare(read: Iterable[Name], written: Iterable[tuple[str, Name | None]]) -> None:
     """Raises `VisceraError` if a file to be written is one that is read, or is named twice.
 

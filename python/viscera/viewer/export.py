@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from viscera.cases.case import Case
 from viscera.cases.scene_case import SceneCase
 from viscera.errors import VisceraError
-from viscera.files.atomic import replacing
+from viscera.files.atomic import making, replacing
 from viscera.progress import shown
 from viscera.quantity import path_of
 from viscera.reduced.touch import Touch
@@ -88,14 +89,13 @@ def is_single(target: str | os.PathLike[str]) -> bool:
 
 
 def _write(folder: Path, files: Mapping[str, bytes], part: str) -> list[str]:
-    """Write the files of a page that opens `part`; their names."""
+    """Write the files of a page that opens `part`, all or none; their names."""
     if is_single(folder):
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(folder) as scratch:
+        with making(folder.parent), replacing(folder) as scratch:
             scratch.write_bytes(page.single(files, part))
         return []
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in files.items():
-        with replacing(folder / name) as scratch:
-            scratch.write_bytes(content)
+    # Renamed in the reverse order: the page comes when all that it needs is there, and nothing if one does not fit.
+    with making(folder), ExitStack() as stack:
+        for name in sorted(files, key=lambda name: name != "index.html"):
+            stack.enter_context(replacing(folder / name)).write_bytes(files[name])
     return sorted(files)
