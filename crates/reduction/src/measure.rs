@@ -119,8 +119,8 @@ impl Reduction {
         self.pade && self.order >= 3
     }
 
-    /// Compares the model at a value between its nodes with exact series, at some positions, for
-    /// shallow and for full touches along six axes; fields and forces.
+    /// Compares the model at a value between its nodes with exact series, at some positions, for shallow and for full
+    /// touches along six axes: forces, and fields less what their compression loses, which an estimate adds by itself.
     pub(super) fn measure_parameter(
         &self,
         unseen: &Expanded,
@@ -152,7 +152,8 @@ impl Reduction {
                 let (exact, force) = sum(series, model.exponents(), weights, d);
                 let mut field = vec![0.0; exact.len()];
                 model.displacement(&contact, d, &mut workspace, &mut field);
-                largest = largest.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
+                let of_field = relative(&mut field.iter().map(|&u| f64::from(u)), &exact);
+                largest = largest.max(of_field - model.compression(&contact, d));
                 let answer = model.respond(&contact, d).force;
                 largest = largest.max(relative(&mut answer.into_iter(), &force));
             }

@@ -280,7 +280,7 @@ impl Interpolation<'_> {
 
     /// What the compression of the field loses, relative to it, at a share of the full depth: of the
     /// first order the same at any depth, of the others in proportion to it.
-    fn compression(&self, share: f64) -> f64 {
+    pub(super) fn compression(&self, share: f64) -> f64 {
         let stored = &self.model.arrays.answers;
         let at = |values: &[f32]| -> f64 {
             let of = |k: usize| values.get(self.corners[k]).copied().unwrap_or(0.0);

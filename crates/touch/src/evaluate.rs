@@ -158,6 +158,11 @@ impl ReducedModel {
         here.disagreement(monomials, &parts, force, &order_weights)
     }
 
+    /// What the compression of the field loses at a contact, relative to the field.
+    pub fn compression(&self, contact: &Contact, d: [f64; 3]) -> f64 {
+        Interpolation::new(self, contact).compression(norm(d) / self.metadata.depth)
+    }
+
     /// Numbers of workspace that the field functions need.
     pub fn workspace_len(&self) -> usize {
         3 * self.largest_region

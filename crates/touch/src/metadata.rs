@@ -110,7 +110,8 @@ pub struct Errors {
     pub interpolation_half_depth: f64,
     /// Interpolation between positions at full depth: worst of the points tried.
     pub interpolation: f64,
-    /// Between the nodes of the parameter: worst of the values, positions and depths tried.
+    /// Between the nodes of the parameter: worst of the values, positions and depths tried, of the force and of what of
+    /// the field's error its compression does not explain.
     #[serde(default)]
     pub parameter: f64,
 }

@@ -1,6 +1,7 @@
 //! One model for a range of a parameter, against exact series at values it was not solved at.
 
 use super::*;
+use viscera_touch::Errors;
 
 const RANGE: [f64; 2] = [1.0, 9.0];
 
@@ -93,6 +94,25 @@ fn between_nodes_the_error_is_the_one_admitted() {
     // It is part of what an answer says of itself.
     let answer = at(3.1).respond(&FAMILY.centroid(3), [0.0, 0.0, -1e-6]);
     assert!(answer.error_estimate >= admitted && answer.error_estimate < admitted + 0.05);
+}
+
+/// A range in which nothing changes leaves no error between nodes, however much the field is compressed.
+#[test]
+fn what_compression_loses_is_no_error_of_the_parameter() {
+    let bodies = [stiffened(2.0), stiffened(2.0002)];
+    let member = |body| Member { body, radius: settings().radius };
+    let middle = stiffened(2.0001);
+    let family = Family {
+        parameter: parameter("young", &[2.0, 2.0002], [2.0, 2.0002]),
+        cells: vec![0, 1],
+        members: bodies.iter().map(member).collect(),
+        unseen: vec![(2.0001, member(&middle))],
+    };
+    let loose = Reduction { tolerance: 0.02, ..settings() };
+    let (surface, fixed) = (&FULL.surface, &FULL.fixed);
+    let model = loose.run_family(&bodies[0], &family, surface, fixed, &mut |_| true).unwrap();
+    let Errors { compression, parameter, .. } = model.metadata().errors;
+    assert!(compression > 1e-3 && parameter < 1e-4, "{compression:e}, {parameter:e}");
 }
 
 #[test]
