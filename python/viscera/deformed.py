@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -122,6 +121,7 @@ class Deformed:
         """Total force (3,) [N] of one of the organ's elastic supports on it; of a bond, on its first organ.
 
         Of a support that several organs of a scene share, the force on all of them; `state["liver"]` tells that on one.
+        A reduced model finds its supports and bonds anew by place and stiffness, and refuses what it does not find.
         `touch.organ().supports[0]` has all supports and bonds of a model; its force is that of all supports.
 
         >>> import viscera as vs
@@ -130,9 +130,11 @@ class Deformed:
         >>> beam.solve(force={"tip": (0, 0, 10.0)}).support_force(bed).round(6).tolist()[2]
         -10.0
         """
+        from viscera.kept import among_those_of_a_model
+
         organ, displacement = self._from_rest()
         its = [ties for own, ties in zip(organ.supports, organ._tied, strict=True) if own.is_same(support)]
-        its = its or _among_those_of_a_model(support, organ)
+        its = its or among_those_of_a_model(support, organ)
         if not its:
             raise VisceraError(f"{support!r} is no elastic support of this organ; see the `supports` it was made with")
         if any(ties.surfaces for ties in its):
@@ -377,38 +379,3 @@ def _interpolated(mesh: Mesh, field: Floats, cells: NDArray[np.int64], weights: 
     edges = [4.0 * weights[:, a] * weights[:, b] for a, b in EDGES]
     shapes = np.column_stack([weights * (2.0 * weights - 1.0), *edges])
     return np.asarray(np.einsum("ka,kai->ki", shapes, field[nodes]))
-
-
-def _among_those_of_a_model(support: Tied | Bond, organ: Organ) -> list[Ties]:
-    """A model keeps the samples of all its supports together; those of this one, if they are among them."""
-    kept = [own for own in organ.supports if isinstance(own, Ties)]
-    if not kept:
-        return []
-    found = [own for own in _on_each_organ(support, organ.mesh) if any(each.holds(own) for each in kept)]
-    if not found:
-        raise VisceraError(
-            f"{support!r} is not found among the supports of this model, which keeps them all together; "
-            "`answer.support_force(touch.organ().supports[0])` tells the force of all supports"
-        )
-    if len(found) > 1:
-        raise VisceraError(
-            f"{len(found)} organs of this model of a scene have a support as {support!r}, and the model does not know "
-            "them apart; give each organ a place or a stiffness of its own and reduce again"
-        )
-    return found
-
-
-def _on_each_organ(support: Tied | Bond, mesh: Mesh) -> list[Ties]:
-    """The samples of a support on each organ of a model of a scene, where its place is meant, or on the one organ."""
-    from viscera.joined import numbers_of, parted_mesh, renumbered
-
-    if not isinstance(support, Tied):
-        return []
-    parts = parted_mesh(mesh)
-    if not parts:
-        return [support.ties(mesh)]
-    numbers, found = numbers_of(parts), []
-    for name, part in parts.items():
-        with suppress(VisceraError):  # an organ without such a place
-            found.append(renumbered(support.ties(part), numbers[name]))
-    return found

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from viscera import law as laws
+from viscera.boundary.loads import faces_within
 from viscera.boundary.ties import Ties
+from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.organ import Organ
+
+if TYPE_CHECKING:
+    from viscera.boundary.bond import Bond, Pieces
+    from viscera.contact.pair import ContactPair
 
 
 def numbers_of(meshes: Mapping[str, Mesh]) -> dict[str, NDArray[np.int64]]:
@@ -64,6 +71,41 @@ def parted_mesh(mesh: Mesh) -> dict[str, Mesh]:
         part = Mesh(whole.points[first : first + count], cells - first, sets)
         parts[name] = part.quadratic() if len(mesh.edges) else part
     return parts
+
+
+def require_organ(name: str, organs: Collection[str]) -> None:
+    """Raise `VisceraError` unless an organ has this name."""
+    if name not in organs:
+        raise VisceraError(f"no organ of the scene is called {name!r}; {did_you_mean(str(name), organs)}")
+
+
+def sides_of(
+    pair: Bond | ContactPair, meshes: Mapping[str, Mesh], numbers: Mapping[str, NDArray[np.int64]]
+) -> list[Indices]:
+    """The faces (f, 3) or (f, 6) of each side, by the nodes of the joined mesh.
+
+    numbers: of each organ, as `numbers_of` tells them. Raises `VisceraError` for a place without a face.
+    """
+    sides = []
+    for name, where in pair.sides:
+        require_organ(name, meshes)
+        mesh = meshes[name]
+        faces = faces_within(mesh, mesh.surface_nodes if where is None else mesh.nodes(where))
+        if not len(faces):
+            raise VisceraError(f"{pair!r}: the place of {name!r} holds no triangle of its surface; take a larger one")
+        sides.append(numbers[name][faces].astype(np.uint32))
+    return sides
+
+
+def diagonal_of(pair: Bond | ContactPair, meshes: Mapping[str, Mesh]) -> float:
+    """The diagonal of the smaller organ of a pair [m]."""
+    return min(meshes[name].diagonal for name, _ in pair.sides)
+
+
+def pieces_of(bond: Bond, mesh: Mesh, meshes: Mapping[str, Mesh], numbers: Mapping[str, NDArray[np.int64]]) -> Pieces:
+    """What a bond holds together on the joined mesh."""
+    sides = sides_of(bond, meshes, numbers)
+    return bond._pieces(mesh, sides, bond._reach(diagonal_of(bond, meshes)))
 
 
 def joined_law(organs: Mapping[str, Organ]) -> laws.Law:

@@ -12,14 +12,23 @@ import numpy as np
 from viscera import _core
 from viscera import law as laws
 from viscera.boundary.bond import Bond, Pieces
-from viscera.boundary.loads import faces_within
 from viscera.boundary.spring import Spring
 from viscera.boundary.ties import Tied, Ties
 from viscera.contact.pair import ContactPair, refuse_overlap, refuse_same
 from viscera.contact.shapes import AnyShape
 from viscera.contact.tool import Tool, tools_of
-from viscera.errors import VisceraError, did_you_mean
-from viscera.joined import joined_law, joined_mesh, law_of, numbers_of, renumbered
+from viscera.errors import VisceraError
+from viscera.joined import (
+    diagonal_of,
+    joined_law,
+    joined_mesh,
+    law_of,
+    numbers_of,
+    pieces_of,
+    renumbered,
+    require_organ,
+    sides_of,
+)
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.organ import Organ, require_same_cells
 from viscera.quantity import refuse_twice, refused
@@ -80,7 +89,8 @@ class Scene(Organ):
         """The contact pairs."""
         bodies = _list_of(bodies, "bodies", "tools and shapes, such as [Tool(HalfSpace())]")
         first = next(iter(self.organs.values()))
-        self._numbers = numbers_of({name: organ.mesh for name, organ in self.organs.items()})
+        self._meshes = {name: organ.mesh for name, organ in self.organs.items()}
+        self._numbers = numbers_of(self._meshes)
         refuse_same([pair for pair in given_contacts if not isinstance(pair, Placed)])
         mesh, law = joined_mesh(self.organs), joined_law(self.organs)
         nodal = mesh.quadratic() if first.element == "P2" else mesh
@@ -98,7 +108,7 @@ class Scene(Organ):
             raise VisceraError(self._told(str(error))) from error
         for pair in given_contacts:
             if not isinstance(pair, Placed):
-                refuse_overlap(pair, {name: organ.mesh for name, organ in self.organs.items()})
+                refuse_overlap(pair, self._meshes)
         self._bodies = tools_of(list(bodies))
         self._joined = given_bonds, given_contacts
 
@@ -216,8 +226,7 @@ class Scene(Organ):
         >>> vs.Scene({"beam": beam}).organ("beam") is beam
         True
         """
-        if name not in self.organs:
-            raise VisceraError(f"no organ of the scene is called {name!r}; {did_you_mean(str(name), self.organs)}")
+        require_organ(name, self.organs)
         return self.organs[name]
 
     def part(self, name: str, field: Floats) -> Floats:
@@ -263,11 +272,8 @@ class Scene(Organ):
         if not isinstance(bond, Bond):
             raise refused("a bond of a scene", "a Bond or a Spring, such as Bond('liver', 'gallbladder')", bond)
         if pieces is None:
-            sides, diagonal = self._sides(bond)
-            pieces = bond._pieces(mesh, sides, bond._reach(diagonal))
-        shear, bulk = np.broadcast_to(law.core().moduli(), (len(mesh.cells), 2)).T
-        modulus = 4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
-        return Placed(bond, bond._samples(mesh, pieces, modulus), pieces)
+            pieces = pieces_of(bond, mesh, self._meshes, self._numbers)
+        return Placed(bond, bond._samples(mesh, pieces, law), pieces)
 
     def _name_of(self, node: int) -> str:
         number = int(self.of_node[node])
@@ -288,14 +294,14 @@ class Scene(Organ):
             return Placed(given.origin, replace(given.found, surfaces=surfaces))
         if not isinstance(given, ContactPair):
             raise refused("a contact of a scene", "a ContactPair, such as ContactPair('liver', 'stomach')", given)
-        sides, _ = self._sides(given)
+        sides = sides_of(given, self._meshes, self._numbers)
         if given.second is not None and given.first[0] == given.second[0]:
             self._refuse_shared(given, np.intersect1d(sides[0], sides[1]))
         return Placed(given, given._ties(sides, self._reach(given)))
 
     def _reach(self, pair: ContactPair) -> float:
         """The reach of a contact pair [m] between its organs in this shape."""
-        diagonal = self._diagonal(pair)
+        diagonal = diagonal_of(pair, self._meshes)
         reach = length(pair.reach, diagonal, "the reach of a contact pair")
         if reach < LEAST_REACH * diagonal:
             least = f"at least {LEAST_REACH:.1%} of the diagonal of its smaller organ, {LEAST_REACH * diagonal:.3g} m"
@@ -317,24 +323,6 @@ class Scene(Organ):
                 f"{pair!r}: both places have faces at node {', '.join(map(str, own[:LISTED]))}{more} of {name!r}; an "
                 "organ touches itself between places without a common node, so leave such nodes out of one of the two"
             )
-
-    def _sides(self, pair: Bond | ContactPair) -> tuple[list[Indices], float]:
-        """The faces of its sides, in the numbering of the scene, and the diagonal of the smaller organ [m]."""
-        sides = []
-        for name, where in pair.sides:
-            organ = self.organ(name).mesh
-            nodes = organ.surface_nodes if where is None else organ.nodes(where)
-            faces = faces_within(organ, nodes)
-            if not len(faces):
-                raise VisceraError(
-                    f"{pair!r}: the place of {name!r} holds no triangle of its surface; take a larger one"
-                )
-            sides.append(self._numbers[name][faces].astype(np.uint32))
-        return sides, self._diagonal(pair)
-
-    def _diagonal(self, pair: Bond | ContactPair) -> float:
-        """The diagonal of the smaller organ of a pair [m]."""
-        return min(self.organ(name).mesh.diagonal for name, _ in pair.sides)
 
 
 def _list_of(given: Any, name: str, what: str) -> tuple[Any, ...]:

@@ -1,12 +1,17 @@
-"""How bonds are asked for: their reach, and what is bonded once."""
+"""How bonds are asked for, and what reduced models know of them."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from tests.python.test_supports import block
 
 import viscera as vs
+from viscera.boundary.elastic_support import LINEAR
+from viscera.boundary.ties import Ties, rows
 
 TISSUE = vs.NeoHookean(young=10e3, poisson=0.3)
 
@@ -17,3 +22,73 @@ def test_the_reach_of_a_bond_is_a_length_above_0(reach: Any) -> None:
         vs.Bond("lower", "upper", reach=reach)
     with pytest.raises(vs.VisceraError, match="the reach of a bond 'far' is not a length"):
         vs.Bond("lower", "upper", reach="far")
+
+
+def bonded(element: str = "P1", **told: Any) -> vs.Scene:
+    """A cube on another, turned about the vertical: soft below, of another law above."""
+    lower, turn = block(2), np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    middle = np.array([0.05, 0.05, 0.0])
+    points = (block(3).points - middle) @ turn.T + middle + np.array([0.0, 0.0, 0.1])
+    upper = vs.mesh(points, block(3).cells, {"top": points[:, 2] > 0.199, "bottom": points[:, 2] < 0.101})
+    organs = {
+        "lower": vs.Organ(lower, TISSUE, fixed="base", element=element),
+        "upper": vs.Organ(upper, vs.Yeoh(c10=4e3, poisson=0.3), element=element),
+    }
+    return vs.Scene(organs, bonds=[vs.Bond(("lower", "top"), ("upper", "bottom"), **told)])
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+@pytest.mark.parametrize("told", [{}, {"sliding": True}])
+def test_an_answer_tells_the_force_of_a_bond(element: str, told: dict[str, Any], tmp_path: Path) -> None:
+    """Also in a posture, whose shape at rest is computed back: rounding cuts the pieces of the bond otherwise."""
+    weak = vs.ElasticSupport("top", 1e3)
+    scene = bonded(element, **told)
+    upper = vs.Organ(scene.organ("upper").mesh.linear(), scene.organ("upper").law, supports=[weak], element=element)
+    scene = vs.Scene({**scene.organs, "upper": upper}, bonds=scene.bonds)
+    (bond,) = scene.bonds
+    hanging = scene.solve(gravity=(0, 0.3, -1.0), density=1000.0, throw=True)
+    for start in (None, hanging):
+        touch = scene.reduce("upper/top", radius=0.06, depth=0.002, order=2, start=start)
+        touch.save(tmp_path / "two.viscera")
+        for model in (touch, vs.load(tmp_path / "two.viscera")):
+            answer = model((0.05, 0.05, 0.2), (0.001, 0.0, -0.0005))
+            before = 0.0 if model.preload is None else model.preload
+            expected = scene.moved(before + answer.displacement).support_force(bond)
+            assert np.abs(expected).max() > 0.1
+            assert answer.support_force(bond) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_a_bond_that_a_model_does_not_keep_is_refused() -> None:
+    scene = bonded()
+    answer = scene.reduce("upper/top", radius=0.06, depth=0.002, order=2)((0.05, 0.05, 0.2), (0.0, 0.0, -0.0005))
+    (bond,) = scene.bonds
+    assert isinstance(bond, vs.Bond)
+    sides: Any = bond.sides
+    for other in (vs.Bond(*sides, stiffness=50.0), vs.Bond(*sides, sliding=True), vs.Bond("lower", "middle")):
+        with pytest.raises(vs.VisceraError, match=r"is not found among the supports of this model.* bonds too"):
+            answer.support_force(other)
+    alone = vs.Organ(block(2), TISSUE, fixed="base").reduce("top", radius=0.06, depth=0.002, order=2)
+    with pytest.raises(vs.VisceraError, match="is no elastic support of this organ"):
+        alone((0.05, 0.05, 0.1), (0.0, 0.0, -0.0005)).support_force(scene.bonds[0])
+
+
+def cut(fan: list[int], stiffness: float = 1.0) -> Ties:
+    """Samples of a bond on the common quadrilateral of two faces, cut into two triangles from one of its corners."""
+    square = np.array([[0.1, 0.1], [0.5, 0.1], [0.4, 0.5], [0.1, 0.4]])
+    nodes, weights, stiff = [], [], []
+    for triangle in (square[fan[:3]], square[[fan[0], *fan[2:]]]):
+        inside = LINEAR[0] @ triangle
+        first = np.column_stack([1.0 - inside.sum(axis=1), inside])
+        nodes += [[0, 1, 2, 3, 4, 5]] * 3
+        weights += np.hstack([first, -first[:, [2, 0, 1]]]).tolist()
+        area = np.linalg.det(triangle[1:] - triangle[0])
+        stiff += [stiffness * area / 3.0 * np.diag([1.0, 2.0, 3.0])] * 3
+    return rows(np.array(nodes), np.array(weights), np.array(stiff))
+
+
+def test_samples_of_a_bond_are_the_same_however_their_piece_is_cut() -> None:
+    one, other = cut([0, 1, 2, 3]), cut([1, 2, 3, 0])
+    assert one.holds(other)
+    displacement = np.random.default_rng(0).normal(size=(6, 3))
+    assert one.force(displacement) == pytest.approx(other.force(displacement), rel=1e-12)
+    assert not one.holds(cut([1, 2, 3, 0], stiffness=1.0 + 1e-6))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Flag, Number, refused
 from viscera.select import length
+
+if TYPE_CHECKING:
+    from viscera.law import Law
 
 Side: TypeAlias = str | tuple[str, Where]
 """The name of an organ for its whole surface, or the name and a place of its surface."""
@@ -104,13 +107,12 @@ class Bond:
         whole, _ = areas_and_normals(mesh.points, first)
         return Pieces((first, second), corners.reshape(-1, 3, 2, 3), areas / whole)
 
-    def _samples(self, mesh: Mesh, pieces: Pieces, modulus: Floats) -> Ties:
+    def _samples(self, mesh: Mesh, pieces: Pieces, law: Law) -> Ties:
         """Its samples on pieces: points of a rule that is exact for products of shape functions.
 
-        mesh: of the scene, in the shape whose areas, normals and heights count; modulus (m,): plane strain modulus of
-        the cells [Pa].
+        mesh: of the scene, in the shape whose areas, normals and heights count; law: of the scene.
         """
-        sides = pieces.sides
+        sides, modulus = pieces.sides, _plane_strain_modulus(law, len(mesh.cells))
         is_quadratic = sides[0].shape[1] == 6
         points, shares = QUADRATIC if is_quadratic else LINEAR
         inside = np.einsum("qk,pksc->pqsc", points, pieces.corners)
@@ -137,6 +139,12 @@ def side_of(side: Any, of: str) -> tuple[str, Where | None]:
         return side
     what = "the name of an organ, words such as 'liver/x < 30%', or a pair of a name and a place"
     raise refused(f"a side of {of}", what, side)
+
+
+def _plane_strain_modulus(law: Law, cells: int) -> Floats:
+    """`E / (1 - nu^2)` (m,) [Pa] of so many cells at small strain."""
+    shear, bulk = np.broadcast_to(law.core().moduli(), (cells, 2)).T
+    return np.asarray(4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear))
 
 
 def _layer(mesh: Mesh, faces: Indices, modulus: Floats) -> Floats:

@@ -141,29 +141,25 @@ class Ties:
     def holds(self, other: Ties) -> bool:
         """Whether all samples of another are among these, as those of one support are among those of all.
 
-        Weights and stiffness count as equal within rounding: the points of a preloaded model are computed back.
+        Weights and stiffness count as equal within rounding: the points of a preloaded model are computed back. Of
+        samples at the same nodes, also the sum of `w k` may agree, and with it their force: between two faces rounding
+        decides how a bond cuts their common piece into triangles.
         """
         if other.links or other.surfaces:
             return False
         near = SAME * np.abs(self.stiffness).max(initial=0.0)
-        own = dict[bytes, list[tuple[Floats, Floats]]]()
-        for nodes, weights, stiffness in self._samples():
-            own.setdefault(nodes, []).append((weights, stiffness))
-        return all(
-            any(
-                np.abs(weights - its).max() <= SAME and np.abs(stiffness - k).max() <= near
-                for its, k in own.get(nodes, [])
-            )
-            for nodes, weights, stiffness in other._samples()
-        )
+        own = self._by_nodes()
+        return all(_are_among(samples, own.get(nodes, []), near) for nodes, samples in other._by_nodes().items())
 
-    def _samples(self) -> list[tuple[bytes, Floats, Floats]]:
-        """Nodes, weights and stiffness of each sample."""
+    def _by_nodes(self) -> dict[bytes, list[tuple[Floats, Floats]]]:
+        """Weights and stiffness of the samples at the same nodes."""
+        found = dict[bytes, list[tuple[Floats, Floats]]]()
         if not len(self):
-            return []
-        ends = self.start[1:-1].astype(np.int64)
-        nodes, weights = (np.split(each, ends) for each in (self.nodes, self.weights))
-        return [(own.tobytes(), *rest) for own, *rest in zip(nodes, weights, self.stiffness, strict=True)]
+            return found
+        nodes, weights = (np.split(each, self._begins[1:]) for each in (self.nodes, self.weights))
+        for at, *sample in zip(nodes, weights, self.stiffness, strict=True):
+            found.setdefault(at.tobytes(), []).append((sample[0], sample[1]))
+        return found
 
     def ties(self, mesh: Mesh) -> Ties:
         """These, whatever the mesh: ties that a model file keeps are among the supports of its organ."""
@@ -188,6 +184,15 @@ class Tied(Protocol):
 
     def is_same(self, other: object) -> bool:
         """Whether it is this one, on whatever mesh."""
+
+
+def _are_among(its: Sequence[tuple[Floats, Floats]], own: Sequence[tuple[Floats, Floats]], near: float) -> bool:
+    """Whether samples are among others at the same nodes, or have the same sum; near: rounding of a stiffness [N/m]."""
+    felt = sum(np.outer(weights, k) for weights, k in its) - sum(np.outer(weights, k) for weights, k in own)
+    return bool(np.abs(felt).max() <= near) or all(
+        any(np.abs(weights - w).max() <= SAME and np.abs(stiffness - k).max() <= near for w, k in own)
+        for weights, stiffness in its
+    )
 
 
 NONE = Ties(np.zeros(1, dtype=np.uint32), np.empty(0, dtype=np.uint32), np.empty(0), np.empty((0, 9)))
