@@ -69,7 +69,7 @@ class Scene(Organ):
     >>> scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")])
     >>> state = scene.solve(force={"lower/tip": (0, 0, -10.0)})
     >>> state.is_converged, f"{1e3 * state['upper'].displacement[:, 2].min():.0f} mm"
-    (True, '-121 mm')
+    (True, '-122 mm')
     """
 
     def __init__(
