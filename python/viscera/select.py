@@ -95,15 +95,17 @@ def extent(box: Floats) -> str:
     return "the mesh spans " + ", ".join(f"{axis} {low[k]:.4g}..{high[k]:.4g} mm" for k, axis in enumerate(AXES))
 
 
-def length(value: Any, whole: float, name: str, kind: Number = METRIC) -> float:
+def length(value: Any, whole: float | None, name: str, kind: Number = METRIC) -> float:
     """A length [m] from a number [m] or from words such as "12 mm", or "10%" of `whole` [m]; `kind` limits it.
+
+    whole: None where a percentage would be of nothing.
 
     >>> length("12 mm", whole=0.2, name="radius"), length("10%", whole=0.2, name="radius")
     (0.012, 0.02)
     """
     if isinstance(value, str):
         if not re.fullmatch(BOUND, value.strip()):
-            raise VisceraError(f"{name} {brief(value)} is not a length; write it as '12 mm' or '10%'")
+            raise VisceraError(f"{name} {brief(value)} is not a length; write it as {_example(whole)}")
         value = _metres(value, 0.0, whole, name)
     return kind(value, name)
 
@@ -144,7 +146,7 @@ def length_in_space(value: Any, name: str) -> float:
     0.012
     """
     _refuse_percentage(value, name)
-    return length(value, 0.0, name)
+    return length(value, None, name)
 
 
 def in_space(value: Lengths, name: str) -> Floats:
@@ -156,7 +158,7 @@ def in_space(value: Lengths, name: str) -> Floats:
     if not has_words(value):
         return vector(value, name, "m")
     _refuse_percentage(value, name)
-    return _three(value, np.zeros(3), np.zeros(3), name)
+    return _three(value, np.zeros(3), None, name)
 
 
 def has_words(value: Any) -> bool:
@@ -169,35 +171,43 @@ def _refuse_percentage(value: Any, name: str) -> None:
         raise VisceraError(f"{name}: a percentage of what? write {brief(value)} with units, such as '12 mm'")
 
 
-def _three(value: Any, starts: Floats, wholes: Floats, name: str) -> Floats:
-    parts = _split(value, name) if isinstance(value, str) else value
+def _three(value: Any, starts: Floats, wholes: Floats | None, name: str) -> Floats:
+    """Three lengths [m]; percentages count from `starts` along `wholes`, None where they would be of nothing."""
+    parts = _split(value, name, wholes) if isinstance(value, str) else value
     if len(parts) != 3:
-        raise refused(name, "three lengths, such as (0.1, '5 cm', '80%') or '(100, 50, 80) mm'", value)
+        last = "50 mm" if wholes is None else "80%"
+        raise refused(name, f"three lengths, such as (0.1, '5 cm', '{last}') or '(100, 50, 80) mm'", value)
+    along = [None] * 3 if wholes is None else wholes.tolist()
     metres = [
-        _metres_of(part, start, whole, name)
-        for part, start, whole in zip(parts, starts.tolist(), wholes.tolist(), strict=True)
+        _metres_of(part, start, whole, name) for part, start, whole in zip(parts, starts.tolist(), along, strict=True)
     ]
     return vector(metres, name, "m")
 
 
-def _split(words: str, name: str) -> list[str]:
+def _split(words: str, name: str, wholes: Floats | None) -> list[str]:
     """The parts of "(100, 50, 80) mm", each with the unit that follows them all, or of "(10 cm, 5 cm, 80%)"."""
     match = BRACKETED.fullmatch(words.strip())
     inside, unit = (match["inside"], match["unit"]) if match else (words, "")
     parts = [part.strip() for part in inside.split(",")]
     if len(parts) != 3 or not all(re.fullmatch(BOUND, part) for part in parts):
+        last = "50 mm" if wholes is None else "80%"
         raise VisceraError(
-            f"{name} {brief(words)} is not a point; write it as '(100, 50, 80) mm' or '(10 cm, 5 cm, 80%)'"
+            f"{name} {brief(words)} is not a point; write it as '(100, 50, 80) mm' or '(10 cm, 5 cm, {last})'"
         )
     return [part if re.search(r"(%|[a-z])$", part) else part + unit for part in parts]
 
 
-def _metres_of(part: Any, start: float, whole: float, name: str) -> float:
+def _metres_of(part: Any, start: float, whole: float | None, name: str) -> float:
     if not isinstance(part, str):
         return METRIC(part, name)
     if not re.fullmatch(BOUND, part.strip()):
-        raise VisceraError(f"{name}: {brief(part)} is not a length; write it as '12 mm' or '10%'")
+        raise VisceraError(f"{name}: {brief(part)} is not a length; write it as {_example(whole)}")
     return _metres(part, start, whole, name)
+
+
+def _example(whole: float | None) -> str:
+    """How a length may be written."""
+    return "'12 mm'" if whole is None else "'12 mm' or '10%'"
 
 
 def _holds(
@@ -230,13 +240,14 @@ def _holds(
     return inside
 
 
-def _metres(bound: str, start: float, whole: float, name: str) -> float:
+def _metres(bound: str, start: float, whole: float | None, name: str) -> float:
     number, unit = re.fullmatch(r"(\S*?)\s*(%|[a-z]*)", bound.strip()).groups()  # type: ignore[union-attr]
-    if unit == "%":
+    if unit == "%" and whole is not None:
         return start + float(number) / 100.0 * whole
     if not unit and float(number) == 0.0:
         return 0.0
     if unit not in METRES:
         wrong = f"unit {unit!r} is unknown" if unit else f"{number} has no unit"
-        raise VisceraError(f"in {name!r}: {wrong}; use %, {', '.join(METRES)}")
+        units = METRES if whole is None else ("%", *METRES)
+        raise VisceraError(f"in {name!r}: {wrong}; use {', '.join(units)}")
     return float(number) * METRES[unit]

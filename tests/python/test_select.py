@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera.select import length, offset, point
+from viscera.select import in_space, length, length_in_space, offset, point
 
 
 @pytest.mark.parametrize(
@@ -76,6 +77,20 @@ def test_lengths() -> None:
     for wrong in ("12", "wide", "12 parsec", True, [1]):
         with pytest.raises(vs.VisceraError, match="radius"):
             length(wrong, 1.0, "radius")
+
+
+@pytest.mark.parametrize(
+    "words", ["foo", "(1, 2)", "(1, 2, 3)", "(1, 2, 3) furlong", ["1", "2 mm", "3 mm"], ["1 mm", "b"]]
+)
+def test_where_there_is_no_mesh_no_percentage_is_advised(words: Any, bar: vs.Mesh) -> None:
+    """What an error advises is taken then: a percentage would be refused."""
+    for resolve, advises in ((partial(in_space, name="point"), False), (partial(point, mesh=bar, name="point"), True)):
+        with pytest.raises(vs.VisceraError) as told:
+            resolve(words)
+        assert ("%" in str(told.value)) is advises, told.value
+    with pytest.raises(vs.VisceraError, match=r"not a length; write it as '12 mm'$"):
+        length_in_space("wide", "the radius")
+    assert in_space("(10 cm, 5 cm, 50 mm)", "point").tolist() == [0.1, 0.05, 0.05]
 
 
 def test_a_sphere_of_cells_goes_by_their_centroids(bar: vs.Mesh) -> None:

@@ -43,7 +43,7 @@ class Metres:
     def __call__(self, value: Any, what: str) -> None:
         if isinstance(value, str) and "%" in value:
             raise refused(what, self, value)
-        length(value, 0.0, what, self.metres)
+        length(value, None, what, self.metres)
 
     def __str__(self) -> str:
         return f'{self.metres}; or words such as "12 mm"'
