@@ -102,7 +102,9 @@ class Deformed:
         self._expect_stress()
 
     def __getitem__(self, organ: str) -> Moved:
-        """The part of one organ of a `Scene`, by its name.
+        """The part of one organ of a `Scene`, or of a reduced model of one, by its name.
+
+        In a model an organ has its fixed nodes and the elastic supports that lie on it; displacements count from rest.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -110,12 +112,14 @@ class Deformed:
         >>> f"{state['beam'].von_mises().max():.0f} Pa"
         '5619 Pa'
         """
+        from viscera.joined import part_of
         from viscera.scene import Scene
 
         whole, displacement = self._from_rest()
-        if not isinstance(whole, Scene):
-            raise VisceraError(f"{organ!r} names a part of a scene, and this is no scene but one organ")
-        return Moved(whole.organ(organ), whole.part(organ, displacement))
+        if isinstance(whole, Scene):
+            return Moved(whole.organ(organ), whole.part(organ, displacement), self)
+        part, nodes = part_of(whole, organ)
+        return Moved(part, displacement[nodes], self)
 
     def support_force(self, support: Tied | Bond) -> Floats:
         """Total force (3,) [N] of one of the organ's elastic supports on it; of a bond, on its first organ.
@@ -311,10 +315,20 @@ class Moved(Deformed):
     '-97.4 mm'
     """
 
-    def __init__(self, organ: Organ, displacement: Floats) -> None:
+    def __init__(self, organ: Organ, displacement: Floats, whole: Deformed | None = None) -> None:
         self.organ = organ
         self.displacement = displacement
         """Displacement (n, 3) [m] from rest."""
+        self._whole = whole
+
+    def _expect_stress(self) -> None:
+        """As of the whole that it is a part of, such as a frame that does not know its past."""
+        if self._whole is not None:
+            self._whole._expect_stress()
+
+    def _expect_deviatoric_stress(self) -> None:
+        if self._whole is not None:
+            self._whole._expect_deviatoric_stress()
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self.organ.mesh, self.displacement

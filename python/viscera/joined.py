@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from viscera import law as laws
 from viscera.boundary.loads import faces_within
-from viscera.boundary.ties import Ties
+from viscera.boundary.ties import NONE, Ties
 from viscera.errors import VisceraError, did_you_mean
+from viscera.members import sets_within
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.organ import Organ
 
@@ -66,9 +67,9 @@ def parted_mesh(mesh: Mesh) -> dict[str, Mesh]:
         cells = whole.cells[whole.cell_sets[name]]
         if cells.min() < first or cells.max() >= first + count:
             return {}
-        own = f"{name}/"
-        sets = {word.removeprefix(own): at - first for word, at in whole.sets.items() if word.startswith(own)}
-        part = Mesh(whole.points[first : first + count], cells - first, sets)
+        sets = sets_within(name, whole.sets, whole.sets[name])
+        cell_sets = sets_within(name, whole.cell_sets, whole.cell_sets[name])
+        part = Mesh(whole.points[first : first + count], cells - first, sets, cell_sets=cell_sets, axes=whole.axes)
         parts[name] = part.quadratic() if len(mesh.edges) else part
     return parts
 
@@ -108,6 +109,23 @@ def pieces_of(bond: Bond, mesh: Mesh, meshes: Mapping[str, Mesh], numbers: Mappi
     return bond._pieces(mesh, sides, bond._reach(diagonal_of(bond, meshes)))
 
 
+def part_of(organ: Organ, name: str) -> tuple[Organ, NDArray[np.int64]]:
+    """One of the organs that `joined_mesh` has put side by side, and its nodes (k,) in the whole.
+
+    Its supports are the samples that lie on it alone, which those of bonds do not. Raises `VisceraError` for an organ
+    that is not of several, and for a name that none of them has.
+    """
+    parts = parted_mesh(organ.mesh)
+    if not parts:
+        raise VisceraError(f"{name!r} names a part of a scene, and this is no scene but one organ")
+    require_organ(name, parts)
+    nodes = numbers_of(parts)[name]
+    law = law_of(organ.law, organ.mesh.cell_sets[name].astype(np.int64))
+    ties = _ties_within(organ._ties, nodes)
+    fixed = np.flatnonzero(np.isin(nodes, organ.fixed))
+    return Organ(parts[name], law, fixed, element=organ.element, supports=[ties] if len(ties) else []), nodes
+
+
 def joined_law(organs: Mapping[str, Organ]) -> laws.Law:
     """One law with parameters per cell for all organs of one law; laws of several kinds side by side."""
     rows: dict[str, Floats] = {}
@@ -145,3 +163,15 @@ def renumbered(ties: Ties, numbers: Indices | NDArray[np.int64]) -> Ties:
         replace(link, ends=tuple((int(numbers[node]), weight) for node, weight in link.ends)) for link in ties.links
     )
     return Ties(ties.start, numbers[ties.nodes].astype(np.uint32), ties.weights, ties.stiffness, links)
+
+
+def _ties_within(ties: Ties, nodes: NDArray[np.int64]) -> Ties:
+    """The samples all of whose nodes are among these (k,), ascending, and numbered by them."""
+    if not len(ties):
+        return NONE
+    is_own = np.isin(ties.nodes, nodes)
+    is_whole = np.logical_and.reduceat(is_own, ties.start[:-1].astype(np.int64))
+    kept = np.repeat(is_whole, ties.counts)
+    start = np.concatenate([[0], np.cumsum(ties.counts[is_whole])]).astype(np.uint32)
+    own = np.searchsorted(nodes, ties.nodes[kept]).astype(np.uint32)
+    return Ties(start, own, ties.weights[kept], ties.stiffness[is_whole])

@@ -36,7 +36,7 @@ def among_those_of_a_model(support: Tied | Bond, organ: Organ) -> list[Ties]:
     if len(found) > 1:
         raise VisceraError(
             f"{len(found)} organs of this model of a scene have a support as {support!r}, and the model does not know "
-            "them apart; give each organ a place or a stiffness of its own and reduce again"
+            "them apart; `answer['NAME'].support_force(...)` tells the force on the organ of that name"
         )
     return found
 

@@ -72,6 +72,51 @@ def test_a_bond_that_a_model_does_not_keep_is_refused() -> None:
         alone((0.05, 0.05, 0.1), (0.0, 0.0, -0.0005)).support_force(scene.bonds[0])
 
 
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
+def test_an_answer_tells_one_organ_as_a_state_does(element: str, tmp_path: Path) -> None:
+    """With its law, its supports, its sets and those of its cells, also about a posture."""
+    core = block(2).with_cell_sets(core="x < 50%")
+    above = vs.mesh(block(3).points + np.array([0.0, 0.0, 0.1]), block(3).cells, block(3).sets)
+    west = [vs.ElasticSupport("west", 1e5) for _ in range(2)]  # alike, of which a model knows only where they are
+    organs = {
+        "lower": vs.Organ(core, TISSUE, fixed="base", supports=west[:1], element=element),
+        "upper": vs.Organ(above, vs.Yeoh(c10=4e3, poisson=0.3), supports=west[1:], element=element),
+    }
+    scene = vs.Scene(organs, bonds=[vs.Bond("lower", "upper")])
+    hanging = scene.solve(gravity=(0, 0.3, -1.0), density=1000.0, throw=True)
+    touch = scene.reduce("upper/top", radius=0.06, depth=0.002, order=2, start=hanging)
+    touch.save(tmp_path / "two.viscera")
+    for model in (touch, vs.load(tmp_path / "two.viscera")):
+        answer = model((0.05, 0.05, 0.2), (0.001, 0.0, -0.0005))
+        assert model.preload is not None
+        expected = scene.moved(model.preload + answer.displacement)
+        for (name, organ), support in zip(organs.items(), west, strict=True):
+            part, whole = answer[name], expected[name]
+            assert np.abs(part.displacement - whole.displacement).max() < 1e-15
+            assert np.abs(part.von_mises() - whole.von_mises()).max() < 1e-9 * whole.von_mises().max()
+            assert part.support_force(support) == pytest.approx(whole.support_force(support), rel=1e-9)
+            assert np.array_equal(part.organ.fixed, organ.fixed)
+            assert part.organ.mesh.sets.keys() == organ.mesh.sets.keys()
+            assert part.organ.mesh.cell_sets.keys() == organ.mesh.cell_sets.keys()
+    assert np.array_equal(answer["lower"].organ.mesh.cells_in("core"), organs["lower"].mesh.cells_in("core"))
+    with pytest.raises(vs.VisceraError, match="no organ of the scene is called 'uper'; did you mean 'upper'"):
+        answer["uper"]
+    with pytest.raises(vs.VisceraError, match=r"2 organs .* `answer\['NAME'\]\.support_force"):
+        answer.support_force(west[0])
+
+
+def test_a_part_has_no_more_stress_than_the_whole() -> None:
+    """A frame of tissue that relaxes does not hold the past; an answer warns where its stress is not balanced."""
+    scene = bonded()
+    stepper = scene.stepper(relaxation=vs.Prony(g=[0.5], tau=[1.0]), time_step=0.1, iterations=5)
+    with pytest.raises(vs.VisceraError, match="depends on its past, which a frame does not hold"):
+        stepper.frame(force={"upper/top": (0, 0, -0.1)})["upper"].stress()
+    answer = scene.reduce("upper/top", radius=0.06, depth=0.002, order=2)((0.05, 0.05, 0.2), (0.0, 0.0, -0.0005))
+    answer.stress_error_estimate = 0.5
+    with pytest.warns(UserWarning, match="the stress of this answer is not balanced"):
+        answer["upper"].stress()
+
+
 def cut(fan: list[int], stiffness: float = 1.0) -> Ties:
     """Samples of a bond on the common quadrilateral of two faces, cut into two triangles from one of its corners."""
     square = np.array([[0.1, 0.1], [0.5, 0.1], [0.4, 0.5], [0.1, 0.4]])
