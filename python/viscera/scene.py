@@ -91,7 +91,7 @@ class Scene(Organ):
         first = next(iter(self.organs.values()))
         self._meshes = {name: organ.mesh for name, organ in self.organs.items()}
         self._numbers = numbers_of(self._meshes)
-        refuse_same([pair for pair in given_contacts if not isinstance(pair, Placed)])
+        refuse_same([joint for joint in (*given_bonds, *given_contacts) if isinstance(joint, Bond | ContactPair)])
         mesh, law = joined_mesh(self.organs), joined_law(self.organs)
         nodal = mesh.quadratic() if first.element == "P2" else mesh
         fixed = np.concatenate([self._numbers[name][organ.fixed] for name, organ in self.organs.items()])

@@ -24,6 +24,23 @@ def test_the_reach_of_a_bond_is_a_length_above_0(reach: Any) -> None:
         vs.Bond("lower", "upper", reach="far")
 
 
+def test_surfaces_are_joined_once() -> None:
+    """Twice, each joint tells a part of the force. Springs may lie side by side, and other places may be joined too."""
+    organs = bonded().organs
+    first, back = vs.Bond("lower", ("upper", "bottom")), vs.Bond("upper/bottom", "lower", sliding=True)
+    pair = vs.ContactPair(("upper", "bottom"), "lower")
+    with pytest.raises(vs.VisceraError, match=r"^Bond\(lower, .*\) and Bond\(upper .*same surfaces.*; name them once$"):
+        vs.Scene(organs, bonds=[first, back])
+    with pytest.raises(
+        vs.VisceraError, match=r"^Bond\(lower, .*\) and ContactPair\(upper .*; leave the contact pair out"
+    ):
+        vs.Scene(organs, bonds=[first], contacts=[pair])
+    springs = [vs.Spring("lower/top", "upper/bottom", stiffness=1.0) for _ in range(2)]
+    scene = vs.Scene(organs, bonds=[vs.Bond("lower/x < 51%", "upper"), vs.Bond("lower/x > 49%", "upper"), *springs])
+    again = scene.with_mesh(scene.mesh).with_law(TISSUE)
+    assert len(again.bonds) == 4
+
+
 def bonded(element: str = "P1", **told: Any) -> vs.Scene:
     """A cube on another, turned about the vertical: soft below, of another law above."""
     lower, turn = block(2), np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from viscera import _core
-from viscera.boundary.bond import Side, side_of
+from viscera.boundary.bond import Bond, Side, side_of
 from viscera.boundary.loads import name_of
 from viscera.boundary.ties import NONE, Surfaces, Ties
 from viscera.contact.tool import BONDED, FRICTION, STIFFNESS
@@ -93,20 +93,24 @@ class ContactPair:
         return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness, self.friction),))
 
 
-def refuse_same(pairs: Sequence[ContactPair]) -> None:
-    """Raise `VisceraError` if two pairs are of the same surfaces: each would carry a part of the force."""
-    for number, pair in enumerate(pairs):
-        for other in pairs[:number]:
-            if _named(pair) == _named(other):
+def refuse_same(joints: Sequence[Bond | ContactPair]) -> None:
+    """Raise `VisceraError` if two bonds or contact pairs are of the same surfaces, and would share the force.
+
+    Where they lie on each other, a bond and the layer of a contact pair are springs side by side.
+    """
+    for number, joint in enumerate(joints):
+        for other in joints[:number]:
+            if _named(joint) == _named(other):
+                are_alike = type(joint) is type(other)
+                remedy = "name them once" if are_alike else "leave the contact pair out, or give it places not bonded"
                 raise VisceraError(
-                    f"contacts of a scene: {pair!r} and {other!r} are of the same surfaces and would share the force; "
-                    "name them once"
+                    f"{other!r} and {joint!r} of a scene are of the same surfaces and would share the force; {remedy}"
                 )
 
 
-def _named(pair: ContactPair) -> set[tuple[str, str | int | None]]:
+def _named(joint: Bond | ContactPair) -> set[tuple[str, str | int | None]]:
     """Both sides as they were named, in any order; a place that is no name is the same only if it is one object."""
-    return {(name, where if where is None or isinstance(where, str) else id(where)) for name, where in pair.sides}
+    return {(name, where if where is None or isinstance(where, str) else id(where)) for name, where in joint.sides}
 
 
 def refuse_overlap(pair: ContactPair, meshes: Mapping[str, Mesh]) -> None:
