@@ -7,7 +7,8 @@ It becomes the exception `NotConverged` only if the caller asks for it.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,24 @@ class NotConverged(VisceraError):
     def __init__(self, state: State) -> None:
         super().__init__(f"the solve did not converge: {state.message or state.status}")
         self.state = state
+
+
+@contextmanager
+def naming(where: str) -> Iterator[None]:
+    """Bad input in this block is told with where it stands: a file, a table, a key. Without one it is told as it is.
+
+    >>> with naming("liver.toml"), naming("fixed"):
+    ...     raise VisceraError("the mesh has no node set 'hillum'")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: liver.toml: fixed: the mesh has no node set 'hillum'
+    """
+    try:
+        yield
+    except VisceraError as error:
+        # A file may be named within already; what is no bad input has a class of its own.
+        if not where or type(error) is not VisceraError or str(error).startswith(f"{where}: "):
+            raise
+        raise VisceraError(f"{where}: {error}") from error
 
 
 def refuse_case_file(path: str | Path, wanted: str) -> None:

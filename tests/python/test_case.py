@@ -131,6 +131,67 @@ def test_wrong_values_are_named_on_solving(folder: Path, old: str, new: str, wor
         case.solve(case.organ())
 
 
+def use(case: vs.Case) -> None:
+    organ = case.organ()
+    case.loading()
+    case.reduce(organ)
+
+
+NO_SET = "the mesh has no node set 'abc'"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('fixed = "x <= 0%"', 'fixed = "abc"', f"fixed: {NO_SET}"),
+        ('fixed = "x <= 0%"', 'fixed = ["root", "abc"]', f"fixed: {NO_SET}"),
+        ('touchable = "z >= 100%"', 'touchable = "abc"', f"touchable in [reduce]: {NO_SET}"),
+        ('force."z >= 100%"', "force.abc", f"force in [loads]: {NO_SET}"),
+        ('displacement."x >= 100%"', "displacement.abc", f"displacement in [loads]: {NO_SET}"),
+        ("[settings]", "[scan]\nforce.abc = [0, 0, 1]\n[settings]", f"force in [scan]: {NO_SET}"),
+        ("[loads]", "[supports.abc]\nstiffness = 1e6\n[loads]", f"[supports.abc]: {NO_SET}"),
+        ("poisson = 0.3", "", "[material]: NeoHookean takes either young and poisson, or mu and lam"),
+        (
+            "[loads]",
+            '[material."x > 50%"]\nlaw = "NeoHookean"\nyoung = 2e5\n[loads]',
+            "[material.x > 50%]: NeoHookean takes either young and poisson, or mu and lam",
+        ),
+        (
+            "[loads]",
+            "[material.abc]\nyoung = 2e5\n[loads]",
+            "[material]: the part 'abc': the mesh has no cell set 'abc'",
+        ),
+        ("density = 100\n", "", "gravity in [loads] needs the key density [kg/m^3] there"),
+        (
+            "order = 2",
+            'order = 2\nvary = {parameter = "young", low = 1e5, high = 1e4}',
+            "[reduce.vary]: the range of young runs from 100000 to 10000",
+        ),
+        (
+            "order = 2",
+            'order = 2\nvary = {parameter = "young", low = 1e4, high = 1e5, part = "abc"}',
+            "[reduce.vary]: the mesh has no cell set 'abc'",
+        ),
+        ('radius = "60 mm"', 'radius = "9 m"', "[reduce]: radius is 9 m; it may be at most"),
+        ('mesh = "bar.vtu"\nunits = "m"', 'mesh = "abc"', "mesh: {folder}/abc: no such file; name a mesh file"),
+    ],
+)
+def test_what_does_not_suit_the_organ_is_named_with_its_file_and_key(
+    folder: Path, old: str, new: str, words: str
+) -> None:
+    path = case_with(folder, old, new)
+    case = read_case(path)
+    with pytest.raises(vs.VisceraError) as told:
+        use(case)
+    assert str(told.value).startswith(f"{path}: {words.format(folder=folder)}")
+
+
+def test_a_case_without_a_file_names_none() -> None:
+    case = vs.Case(mesh="organ:beam", fixed="abc", material={"law": "NeoHookean", "young": 1e5, "poisson": 0.3})
+    with pytest.raises(vs.VisceraError, match=f"^fixed: {NO_SET}"):
+        case.organ()
+
+
 def test_the_same_place_in_other_words_may_not_contradict(folder: Path) -> None:
     case = read_case(case_with(folder, "force.", 'displacement."x > 99%" = ["free", "free", 0]\nforce.'))
     with pytest.raises(vs.VisceraError, match="let each component be prescribed once"):

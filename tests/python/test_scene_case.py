@@ -168,8 +168,8 @@ def test_mesh_files_of_odd_names_stay_apart(bar: vs.Mesh, folder: Path) -> None:
     ("old", "new", "words"),
     [
         ('first = "lower/z > 99%"', 'first = "lowr"', r"'lowr' of \[\[contacts\]\]: no organ .*; did you mean 'lower'"),
-        ('force."upper/', 'force."uper/', "of force: no organ is called 'uper'; did you mean 'upper'"),
-        ('force."upper/', 'force."', "of force: no organ is called 'x > 99% and z > 50%'"),
+        ('force."upper/', 'force."uper/', r"of force in \[loads\]: no organ is called 'uper'; did you mean 'upper'"),
+        ('force."upper/', 'force."', r"of force in \[loads\]: no organ is called 'x > 99% and z > 50%'"),
         ("upper = 1000", "uper = 1000", "the density: no organ is called 'uper'"),
         (", upper = 1000", "", r"density in \[loads\] has none for the organ 'upper'"),
         ("lower = 900", "lower = -900", "of 'lower' must be a number above 0"),
@@ -201,7 +201,11 @@ def test_wrong_words_are_named_on_reading(folder: Path, old: str, new: str, word
     ("old", "new", "words"),
     [
         ('fixed = "root"', 'fixed = "rot"', "organ 'lower': .*no node set 'rot'; did you mean 'root'"),
-        ('second = "upper"', 'second = "upper/rim"', "organ 'upper': the mesh has no node set 'rim'"),
+        (
+            'second = "upper"',
+            'second = "upper/rim"',
+            r"organ 'upper': \[\[contacts\]\]: the mesh has no node set 'rim'",
+        ),
         ('mesh = "bar.vtu"', 'mesh = "car.vtu"', "organ 'lower': .*car.vtu: no such file"),
         (
             "[[contacts]]",

@@ -49,7 +49,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -59,7 +59,7 @@ import numpy as np
 from viscera import law, organs
 from viscera.boundary.elastic_support import ElasticSupport
 from viscera.cases import material_schema, schema
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError, did_you_mean, naming
 from viscera.fibres import helical_fibres
 from viscera.members import words_of
 from viscera.mesh import Indices, Mesh, read
@@ -90,6 +90,8 @@ class Solvable:
 
     loads: Mapping[str, Any]
     settings: Mapping[str, Any]
+    file: str
+    """Name of the file that was read, for errors; empty if none was."""
 
     def loading(self) -> dict[str, Any]:
         """Loads and settings as `Organ.solve` and `Scene.solve` take them.
@@ -100,6 +102,8 @@ class Solvable:
         >>> case.organ().solve(**case.loading()).is_converged
         True
         """
+        with naming(self.file):
+            _require_density(self.loads, self.loads.get("density"), "loads")
         return {
             **{kind: self.loads.get(kind, {}) for kind in PLACED},
             **{kind: self.loads.get(kind) for kind in ("gravity", "density")},
@@ -118,7 +122,13 @@ class Solvable:
         >>> case.solve(organ).status
         'converged'
         """
-        return organ.solve(**self.loading(), progress=progress)
+        with naming(self.file):
+            return organ.solve(**self.loading(), progress=progress)
+
+    def _placed(self) -> Iterator[tuple[str, str]]:
+        """Every place of the loads, and the key that names it."""
+        for kind in PLACED:
+            yield from ((place, f"{kind} in [loads]") for place in self.loads.get(kind, {}))
 
 
 @dataclass(frozen=True)
@@ -143,6 +153,7 @@ class Case(Solvable):
     settings: Mapping[str, Any] = field(default_factory=dict)
     reduction: Mapping[str, Any] = field(default_factory=dict)
     folder: Path = Path()
+    file: str = field(default="", compare=False)
     _stands_alone: ClassVar[bool] = True
     """Whether no scene may hold the organ."""
 
@@ -165,19 +176,33 @@ class Case(Solvable):
         >>> case.organ()
         Organ(525 points, 1920 cells, NeoHookean, P1, 25 fixed nodes)
         """
-        return self._organ(load_mesh(self.mesh, self.units, self.folder))
+        with naming(self.file):
+            return self._organ(self._mesh())
 
-    def _organ(self, plain: Mesh, others: Iterable[str] = ()) -> Organ:
-        """The organ on its mesh, whose sets are also the places that others than the case name."""
-        places: list[Any] = [*self.supports, *others]
-        for kind in PLACED:
-            places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
-        for place in (self.fixed, self.reduction.get("touchable")):
-            places += words_of(place) or [place]
-        named_mesh = plain.with_sets(**{place: place for place in places if isinstance(place, str)})
+    def _mesh(self) -> Mesh:
+        with naming("mesh"):
+            return load_mesh(self.mesh, self.units, self.folder)
+
+    def _organ(self, plain: Mesh, others: Iterable[tuple[str, str]] = ()) -> Organ:
+        """The organ on its mesh, whose sets are also the places that others than the case name, each with its key."""
+        sets = dict[str, Any]()
+        for place, key in (*self._placed(), *others):
+            with naming(key):
+                sets[place] = plain.nodes(place)
+        named_mesh = plain.with_sets(**sets)
         supports = [ElasticSupport(place, **words) for place, words in self.supports.items()]
         held: dict[str, Any] = {"fixed": self.fixed, "supports": supports}
         return Organ(named_mesh, material(self.material, plain), element=self.element, **held)
+
+    def _placed(self) -> Iterator[tuple[str, str]]:
+        """Every place in words that the case names, and its key."""
+        yield from super()._placed()
+        yield from ((place, f"[supports.{place}]") for place in self.supports)
+        for kind in PLACED:
+            yield from ((place, f"{kind} in [scan]") for place in self.scan.get(kind, {}))
+        held: dict[str, Any] = {"fixed": self.fixed, "touchable in [reduce]": self.reduction.get("touchable")}
+        for key, place in held.items():
+            yield from ((each, key) for each in words_of(place) or [place] if isinstance(each, str))
 
     @property
     def files(self) -> list[Path]:
@@ -199,8 +224,10 @@ class Case(Solvable):
         >>> case.unloaded(case.organ()).is_converged
         True
         """
-        density = self.loads.get("density")
-        return organ.unloaded(**{"density": density, **self.scan}, progress=progress)
+        loads = {"density": self.loads.get("density"), **self.scan}
+        with naming(self.file):
+            _require_density(loads, loads["density"], "scan")
+            return organ.unloaded(**loads, progress=progress)
 
     def predict(self, rest: Unloaded, progress: Progress | None = None) -> State:
         """Equilibrium of an organ from `unloaded` under the case's loads; displacements count from the scan.
@@ -213,7 +240,8 @@ class Case(Solvable):
         >>> bool(state.max_displacement < 1e-6)  # the posture of the scan again
         True
         """
-        return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
+        with naming(self.file):
+            return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
 
     def require_unloaded(self, verb: str) -> None:
         """Raise `VisceraError` if the case has a [scan], which only `viscera solve` can remove.
@@ -259,14 +287,23 @@ class Case(Solvable):
         >>> case.reduce(case.organ())
         Touch(525 points, order 2, depth 0.0207846 m)
         """
+        with naming(self.file):
+            options = self._reduction(organ)
+            organ, state = self._touched(organ, options.pop("start", None), progress)
+            return organ.reduce(**options, start=state, checkpoint=checkpoint, progress=progress)
+
+    def _reduction(self, organ: Organ) -> dict[str, Any]:
+        """What [reduce] says; what is wrong there for the organ is refused before loads are solved."""
         options = dict(self.reduction)
-        start = options.pop("start", None)
         if "vary" in options:
             vary = dict(options["vary"])
-            options["vary"] = Vary(vary.pop("parameter"), **vary)
-        organ._sizes(*(options.get(name) for name in ("radius", "depth", "vary")))  # refused before loads are solved
-        organ, state = self._touched(organ, start, progress)
-        return organ.reduce(**options, start=state, checkpoint=checkpoint, progress=progress)
+            with naming("[reduce.vary]"):
+                options["vary"] = Vary(vary.pop("parameter"), **vary)
+                if "part" in vary:
+                    organ.mesh.cells_in(vary["part"])
+        with naming("[reduce]"):
+            organ._sizes(*(options.get(name) for name in ("radius", "depth", "vary")))
+        return options
 
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
         """The organ free of load, and the equilibrium that its touches start from; None at rest."""
@@ -292,8 +329,8 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     return read_words(path, case_of)
 
 
-def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], Path], Made]) -> Made:
-    """What is `made` of the words of a TOML file and of its folder; errors name the file."""
+def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], Path, str], Made]) -> Made:
+    """What is `made` of the words of a TOML file, of its folder and of its name; errors name the file."""
     source = path_of(path, "the case file")
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
@@ -303,13 +340,11 @@ def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], 
         raise VisceraError(f"{source}: not in UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8") from error
     except (ValueError, RecursionError) as error:  # wrong TOML; lists in lists in lists
         raise VisceraError(f"{source}: not a TOML file ({error})") from error
-    try:
-        return made(words, source.parent)
-    except VisceraError as error:
-        raise VisceraError(f"{source}: {error}") from None
+    with naming(str(source)):
+        return made(words, source.parent, str(source))
 
 
-def case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case:
+def case_of(words: Mapping[str, Any], folder: Path = Path(), file: str = "") -> Case:
     """A case from the words of its file; raises `VisceraError` naming the key that is wrong or missing."""
     if "organs" in words:
         raise VisceraError(
@@ -317,7 +352,12 @@ def case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case:
             "take scenes"
         )
     schema.CASE(words, "a case")  # unknown keys, which a `Case` has no place for
-    return Case(**{NAMES.get(name, name): word for name, word in words.items()}, folder=folder)
+    return Case(**{NAMES.get(name, name): word for name, word in words.items()}, folder=folder, file=file)
+
+
+def _require_density(loads: Mapping[str, Any], density: Any, table: str) -> None:
+    if loads.get("gravity") is not None and density is None:
+        raise VisceraError(f"gravity in [{table}] needs the key density [kg/m^3] there")
 
 
 def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Mesh:
@@ -328,6 +368,8 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
             raise VisceraError(f"unknown built-in organ {organ!r}; {did_you_mean(organ, BUILT_IN)}")
         return BUILT_IN[organ]()
     if units is None:
+        if not (folder / name).exists():
+            raise VisceraError(f"{folder / name}: no such file; name a mesh file, or a built-in organ as 'organ:liver'")
         raise VisceraError(f"{name}: a mesh file needs its units, such as 'mm' or 'm'")
     return read(folder / name, units=units)
 
@@ -335,13 +377,16 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
 def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
     """The law that a [material] table describes; its inner tables hold what differs in a part of the mesh."""
     others = {place: part for place, part in words.items() if material_schema.is_part(place, part) and "law" in part}
-    whole = _one_law({name: value for name, value in words.items() if name not in others}, mesh)
+    with naming("[material]"):
+        whole = _one_law({name: value for name, value in words.items() if name not in others}, mesh)
     if not others:
         return whole
-    of_cell = np.zeros(len(mesh.cells), dtype=int)
-    for k, place in enumerate(others):
-        of_cell[mesh.cells_in(place)] = k + 1
-    return law.Several.of_cells((whole, *(_one_law(part, mesh) for part in others.values())), of_cell)
+    of_cell, laws = np.zeros(len(mesh.cells), dtype=int), [whole]
+    for place, part in others.items():
+        with naming(f"[material.{place}]"):
+            of_cell[mesh.cells_in(place)] = len(laws)
+            laws.append(_one_law(part, mesh))
+    return law.Several.of_cells(tuple(laws), of_cell)
 
 
 def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
@@ -353,25 +398,26 @@ def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
     for place, part in words.items():
         if not material_schema.is_part(place, part):
             continue
-        cells = mesh.cells_in(place)
+        with naming(f"the part {place!r}"):
+            cells = mesh.cells_in(place)
         for name, value in part.items():
             if name not in parameters:
-                raise VisceraError(f"material: {place!r} gives {name!r}, which the rest of the organ has no value for")
+                raise VisceraError(f"{place!r} gives {name!r}, which the rest of the organ has no value for")
             parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
     try:
         return kind(**parameters)
     except TypeError as error:
-        raise VisceraError(f"material {kind.__name__}: {str(error).split('() ')[-1]}") from error
+        raise VisceraError(f"{kind.__name__}: {str(error).split('() ')[-1]}") from error
 
 
 def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> Any:
     """A parameter per cell: `value` in the given cells, unchanged in the others; lists (of terms) entry by entry."""
     if isinstance(whole, list):
         if not isinstance(value, list) or len(value) != len(whole):
-            raise VisceraError(f"material: {name} must be a list of {len(whole)} numbers, as elsewhere, got {value!r}")
+            raise VisceraError(f"{name} must be a list of {len(whole)} numbers, as elsewhere, got {value!r}")
         return [_in_part(*pair, mesh=mesh, name=name) for pair in zip(whole, [cells] * len(whole), value, strict=True)]
     if isinstance(value, list):
-        raise VisceraError(f"material: {name} must be one number, as elsewhere, got {value!r}")
+        raise VisceraError(f"{name} must be one number, as elsewhere, got {value!r}")
     values = np.array(np.broadcast_to(np.asarray(whole, dtype=float), len(mesh.cells)))
     values[cells] = value
     return values

@@ -33,19 +33,22 @@ import numpy as np
 
 from viscera.boundary.bond import Bond
 from viscera.boundary.spring import Spring
-from viscera.cases.case import PLACED, Case, Solvable, case_of, load_mesh, read_words
+from viscera.cases.case import Case, Solvable, case_of, read_words
 from viscera.cases.scene_schema import SCENE, SHAPES, SIZES, Side
 from viscera.contact.pair import ContactPair
 from viscera.contact.shapes import AnyShape, HalfSpace, Shape
 from viscera.contact.tool import Contact, Tool
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError, did_you_mean, naming
 from viscera.mesh import Mesh
+from viscera.organ import Organ
 from viscera.rotation import rotation_matrix
 from viscera.scans.meshing import read_surface
 from viscera.scene import Scene
 from viscera.select import in_space
 from viscera.state import State
 
+WHENCE = {"folder", "file"}
+"""What a case has beside its words."""
 Row = Mapping[str, Any]
 """A table of a bond, a spring, a contact pair or a body."""
 
@@ -71,14 +74,15 @@ class SceneCase(Solvable):
     loads: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     folder: Path = Path()
+    file: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         """Raise `VisceraError` naming the first key that a scene does not have, or an organ that it does not have."""
-        SCENE({each.name: getattr(self, each.name) for each in fields(self) if each.name != "folder"}, "a scene")
+        SCENE({each.name: getattr(self, each.name) for each in fields(self) if each.name not in WHENCE}, "a scene")
         for name, words in self.organs.items():
             self._organ_case(name)
             rotation_matrix(words.get("rotation"), f"the rotation of the organ {name!r}")
-        for place, of in self._places():
+        for place, of in self._placed():
             self._split(place, of)
         density = self.loads.get("density", {})
         if isinstance(density, Mapping):
@@ -97,20 +101,21 @@ class SceneCase(Solvable):
         >>> vs.Scene({"beam": beam}).to_case("scene.toml").organ()
         Scene(beam: 525 points, 0 bodies, 0 bonds)
         """
-        named: dict[str, list[str]] = {name: [] for name in self.organs}
-        for place, of in self._places():
+        with naming(self.file):
+            bonds, contacts, bodies = self._between(self.folder)
+            return Scene(self._organs(), bodies, bonds, contacts)
+
+    def _organs(self) -> dict[str, Organ]:
+        named: dict[str, list[tuple[str, str]]] = {name: [] for name in self.organs}
+        for place, of in self._placed():
             name, where = self._split(place, of)
-            named[name] += [where] if where else []
+            named[name] += [(where, of)] if where else []
         organs = {}
         for name, words in self.organs.items():
             case = self._organ_case(name)
-            try:
-                placed = _moved(load_mesh(case.mesh, case.units, case.folder), words)
-                organs[name] = case._organ(placed, named[name])
-            except VisceraError as error:
-                raise VisceraError(f"organ {name!r}: {error}") from error
-        bonds, contacts, bodies = self._between(self.folder)
-        return Scene(organs, bodies, bonds, contacts)
+            with naming(f"organ {name!r}"):
+                organs[name] = case._organ(_moved(case._mesh(), words), named[name])
+        return organs
 
     @property
     def files(self) -> list[Path]:
@@ -179,15 +184,12 @@ class SceneCase(Solvable):
     def _organ_case(self, name: str) -> Case:
         """One organ as a case of its own, where its mesh file has it."""
         words = {key: word for key, word in self.organs[name].items() if key not in {"position", "rotation"}}
-        try:
+        with naming(f"organ {name!r}"):
             return OrganCase(**words, folder=self.folder)
-        except VisceraError as error:
-            raise VisceraError(f"organ {name!r}: {error}") from None
 
-    def _places(self) -> Iterator[tuple[str, str]]:
+    def _placed(self) -> Iterator[tuple[str, str]]:
         """Every place that the case addresses, and what names it."""
-        for kind in PLACED:
-            yield from ((place, kind) for place in self.loads.get(kind, {}))
+        yield from super()._placed()
         for table in ("bonds", "springs", "contacts"):
             for row in getattr(self, table):
                 yield from ((row[end], f"[[{table}]]") for end in ("first", "second") if end in row)
@@ -231,12 +233,12 @@ class OrganCase(Case):
     _stands_alone: ClassVar[bool] = False
 
 
-def any_case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case | SceneCase:
+def any_case_of(words: Mapping[str, Any], folder: Path = Path(), file: str = "") -> Case | SceneCase:
     """A case or a scene's case from the words of its file; raises `VisceraError` naming the key that is wrong."""
     if "organs" not in words:
-        return case_of(words, folder)
+        return case_of(words, folder, file)
     SCENE(words, "a scene")  # unknown keys, which a `SceneCase` has no place for
-    return SceneCase(**words, folder=folder)
+    return SceneCase(**words, folder=folder, file=file)
 
 
 def _sides(row: Row) -> list[Any]:
