@@ -284,7 +284,8 @@ class Organ(Statics, Reducible):
         """Write the organ as a case file (docs/case-file.md), its mesh beside it as NAME_mesh.vtu, and read it back.
 
         loads, scan: as `solve` and `unloaded` take them, such as `{"gravity": (0, 0, -9.81), "density": 1060}`.
-        settings: "steps", and "newton" with a table of its settings.
+        settings: "steps", "solver", and "newton" with a table of its settings. They may stand among the loads too, by
+            their names in `solve`, as `loading` of a case gives them.
         reduction: as `reduce` takes it, but "start" is "rest", "loads" or "scan".
         `viscera.case(path)` reads the file. Raises `VisceraError` for what a case cannot express: contact patches,
         nodal forces, parameters with a value for each cell, fibres whose direction varies from cell to cell.

@@ -251,7 +251,8 @@ class Scene(Organ):
         """Write the scene as a case file (docs/case-file.md), its meshes beside it, and read it back.
 
         loads: as `solve` takes them, such as `{"gravity": (0, 0, -9.81), "density": {"liver": 1060}}`.
-        settings: "steps", "solver", and "newton" with a table of its settings.
+        settings: "steps", "solver", and "newton" with a table of its settings. They may stand among the loads too, by
+            their names in `solve`, as `loading` of a case gives them.
         `viscera.case(path)` reads the file, `viscera solve` solves it. Raises `VisceraError` for what a case cannot
         express: what `Organ.to_case` names, springs among the supports of an organ, places that span several organs,
         bodies that are a `Shape`.

@@ -111,3 +111,26 @@ def test_places_of_a_case_stay_words_when_it_is_written_again(cube: vs.Mesh, tmp
     mesh = again.organ().mesh
     assert mesh.sets["z < 1%"].tolist() == cube.sets["bottom"].tolist()
     assert mesh.sets['a "b" & c'].tolist() == [26]
+
+
+def test_loads_and_settings_of_a_case_are_written_as_they_are_read(cube: vs.Mesh, tmp_path: Path) -> None:
+    """`loading` gives both, for `solve`; of an organ and of a scene."""
+    organ = vs.Organ(cube, SOFT, fixed="bottom")
+    load: dict[str, Any] = {"gravity": (0, 0, -9.81), "density": 1000.0}
+    settings = {"steps": 2, "solver": "cg", "newton": {"max_iterations": 40}}
+    body: Any
+    for body, place in ((organ, "top"), (vs.Scene({"cube": organ}), "cube/top")):
+        placed = {"force": {place: (0, 0, -1.0)}, "displacement": {f"{place} and x < 1%": ("1 mm", None, "free")}}
+        case = body.to_case(tmp_path / "first.toml", loads={**load, **placed}, settings=settings)
+        read = case.organ()
+        again = read.to_case(tmp_path / "again.toml", loads=case.loading())
+        assert again.loads == case.loads
+        assert again.settings == settings
+        assert again.loading() == case.loading()
+        read.to_case(tmp_path / "again.toml", loads=case.loading(), settings=settings)
+        with pytest.raises(
+            vs.VisceraError, match=r"'steps' is 2 in loads=, and 'steps' is 3 in settings=; give it once"
+        ):
+            read.to_case(tmp_path / "again.toml", loads=case.loading(), settings={"steps": 3})
+        with pytest.raises(vs.VisceraError, match=r"'settings' is .* in loads=, and 'newton' is .* in settings="):
+            read.to_case(tmp_path / "again.toml", loads=case.loading(), settings={"newton": {"max_iterations": 41}})

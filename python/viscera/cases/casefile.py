@@ -17,13 +17,15 @@ from viscera.cases.case import NAMES, PLACED, Case, read_case
 from viscera.errors import VisceraError
 from viscera.files.atomic import replacing
 from viscera.mesh import Floats, Indices, Mesh, Where
-from viscera.quantity import path_of
+from viscera.quantity import brief, path_of
 from viscera.reduced.vary import Vary
 from viscera.select import FREE
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
 
+IN_SOLVE = {"steps": "steps", "settings": "newton", "solver": "solver"}
+"""What `solve` calls the settings of a case."""
 MOST_PARTS = 64
 """Largest number of parts of a material in a case file. With more, its parameters count as a field over the cells."""
 
@@ -45,9 +47,8 @@ def write(
     places = Places(organ.mesh)
     words: dict[str, Any] = {
         **organ_words(organ, places, mesh_file.name),
-        "loads": load_words(loads or {}, places),
+        **solve_words(loads, settings, places),
         "scan": load_words(scan or {}, places),
-        "settings": dict(settings or {}),
         "reduce": _reduction(reduction or {}, places),
     }
     words = {name: plain(word) for name, word in words.items() if word != {}}
@@ -195,6 +196,27 @@ class Named(Protocol):
         """The words for a place; a set that they need may be called `name`."""
 
 
+def solve_words(
+    loads: Mapping[str, Any] | None, settings: Mapping[str, Any] | None, places: Named
+) -> dict[str, dict[str, Any]]:
+    """The tables [loads] and [settings], from loads that may bring settings along, as `Case.loading` gives them.
+
+    Raises `VisceraError` for a setting that both give, with different values.
+    """
+    given = dict(loads or {})
+    table = dict(settings or {})
+    for word, key in IN_SOLVE.items():
+        value = given.pop(word, None)
+        if value is None:
+            continue
+        if key in table and table[key] != value:
+            raise VisceraError(
+                f"{word!r} is {brief(value)} in loads=, and {key!r} is {brief(table[key])} in settings=; give it once"
+            )
+        table[key] = dict(value) if isinstance(value, Mapping) else value
+    return {"loads": load_words(given, places), "settings": table}
+
+
 def load_words(loads: Mapping[str, Any], places: Named) -> dict[str, Any]:
     """Loads in the words of a case."""
     words = {name: value for name, value in loads.items() if value is not None}
@@ -205,6 +227,8 @@ def load_words(loads: Mapping[str, Any], places: Named) -> dict[str, Any]:
             raise VisceraError(f"a case file gives a {kind} by place, not node by node")
         placed = by_place(words[kind], kind).items()
         words[kind] = {places.of(where, f"{kind} {k + 1}"): value for k, (where, value) in enumerate(placed)}
+        if not words[kind]:
+            del words[kind]
     if "displacement" in words:
         moved = words["displacement"].items()
         words["displacement"] = {place: [FREE if c is None else c for c in target] for place, target in moved}

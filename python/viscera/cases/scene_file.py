@@ -12,7 +12,7 @@ import numpy as np
 from viscera import _core
 from viscera.boundary.loads import Where, name_of
 from viscera.boundary.spring import Spring
-from viscera.cases.casefile import Places, load_words, organ_words, plain, target_of
+from viscera.cases.casefile import Places, organ_words, plain, solve_words, target_of
 from viscera.cases.scene_case import SceneCase, any_case_of, read_any
 from viscera.cases.scene_schema import SIZES
 from viscera.contact.shapes import Shape
@@ -46,8 +46,7 @@ def write(
         "springs": [_spring(spring, places) for spring in scene.bonds if isinstance(spring, Spring)],
         "contacts": [_pair(pair, places) for pair in scene.contacts],
         "bodies": [_body(body) for body in scene.bodies],
-        "loads": load_words(loads or {}, places),
-        "settings": dict(settings or {}),
+        **solve_words(loads, settings, places),
     }
     words = {name: plain(word) for name, word in words.items() if word}
     any_case_of(words)  # refused before anything is written
