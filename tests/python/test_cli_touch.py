@@ -147,3 +147,12 @@ def test_loads_that_a_page_leaves_out_are_told(
 def test_a_page_in_one_file(folder: Path, name: str, built: None) -> None:
     assert main(["view", str(folder / "bar.viscera"), "--quiet", "--export", str(folder / name)]) == 0
     assert (folder / name).is_file()
+
+
+@pytest.mark.parametrize("port", ["99999", "-1", "http"])
+def test_what_is_no_port_is_refused_among_the_arguments(port: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["view", "none.viscera", "--port", port])
+    assert stopped.value.code == 2
+    told = f"argument --port: {port} is no port; give a whole number from 0 to 65535, 0 for any free one; see"
+    assert told in capsys.readouterr().err

@@ -243,12 +243,10 @@ def test_closing_waits_for_nobody(strangers: int) -> None:
 def test_a_port_that_is_taken_is_a_sentence(server: Server) -> None:
     with pytest.raises(vs.VisceraError, match="choose another with --port"):
         Server(FILES, port=server.port)
-    with pytest.raises(vs.VisceraError, match="port 99999"):
-        Server(FILES, port=99999)
 
 
-@pytest.mark.parametrize("port", ["8000", 80.5, True, None])
-def test_a_port_that_is_no_number_is_a_sentence(port: Any) -> None:
+@pytest.mark.parametrize("port", ["8000", 80.5, True, None, 99999, -1])
+def test_what_is_no_port_is_a_sentence(port: Any) -> None:
     with pytest.raises(vs.VisceraError, match="port must be a whole number from 0 to 65535, got"):
         Server(FILES, port=port)
 

@@ -29,13 +29,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera view`."""
     parser.add_argument("model", metavar="organ.viscera|CASE.toml")
     add_value(parser)
-    parser.add_argument("--port", type=int, help="port of the page's server on 127.0.0.1 (default: any free one)")
+    parser.add_argument("--port", type=_port, help="port of the page's server on 127.0.0.1 (default: any free one)")
     parser.add_argument("--no-browser", action="store_true", help="print the address without opening a browser")
     parser.add_argument(
         "--export",
         metavar="DIR|FILE.html",
         help="write the page there: static files for a web server, or one file that opens from a disk",
     )
+
+
+def _port(text: str) -> int:
+    """A port, refused before the work on the model."""
+    from viscera.viewer.server import PORT
+
+    try:
+        return PORT(int(text), "it")
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text.strip()} is no port; give {PORT}, 0 for any free one") from error
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:

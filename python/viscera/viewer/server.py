@@ -27,7 +27,7 @@ from websockets.sync.server import serve as listen
 from viscera.cases.case import Case
 from viscera.cases.scene_case import SceneCase
 from viscera.errors import VisceraError
-from viscera.quantity import Whole, refused
+from viscera.quantity import Whole
 from viscera.reduced.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
@@ -36,6 +36,7 @@ from viscera.viewer.scene import live_scene
 from viscera.viewer.surface import surface_model
 
 HOST = "127.0.0.1"
+PORT = Whole(0, 65535)
 THIS_MACHINE = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII | re.IGNORECASE)
 """A `Host` that is this machine and no name of the web, with any port, since a tunnel has its own."""
 LONGEST_REQUEST = 4096
@@ -197,12 +198,12 @@ class _Door(socket.socket):
 
 def _door(port: int) -> _Door:
     """A listening socket at a port of this machine, 0 for any that is free."""
-    if isinstance(port, bool) or not isinstance(port, int):
-        raise refused("port", Whole(0, 65535), port)
+    port = PORT(port, "port")
     try:
         listening = socket.create_server((HOST, port), backlog=MOST_CONNECTIONS)
-    except (OSError, OverflowError) as error:
-        raise VisceraError(f"port {port} of {HOST} cannot be used: {error}; choose another with --port") from error
+    except OSError as error:
+        reason = error.strerror or error
+        raise VisceraError(f"port {port} of {HOST} cannot be used: {reason}; choose another with --port") from error
     return _Door(listening.family, listening.type, listening.proto, fileno=listening.detach())
 
 
