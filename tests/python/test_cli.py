@@ -442,3 +442,6 @@ def test_a_percentage_of_nothing_is_refused(capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(SystemExit, match="2"):
         main(["fit", "test.csv", "--length", "10%", "--area", "1e-4"])
     assert "10% of what? write metres, or a number with its unit" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["fit", "test.csv", "--length", "long", "--area", "1e-4"])
+    assert "length 'long' is not a length; write it as '12 mm';" in capsys.readouterr().err

@@ -27,7 +27,7 @@ def metres(text: str) -> float:
             f"{text.strip()} of what? write metres, or a number with its unit such as 12mm"
         )
     try:
-        return length(number_or_words(text), whole=0.0, name="length")
+        return length(number_or_words(text), whole=None, name="length")
     except VisceraError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 
