@@ -38,6 +38,7 @@ Where = str | ArrayLike | Callable[[Floats], ArrayLike]
 (k, 3) -> bool (k,): see `viscera.select`. A list of names and conditions is all their places together."""
 
 log = logging.getLogger("viscera")
+said = logging.getLogger("viscera.mesh")  # what a mesh keeps among its messages, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,10 +366,10 @@ def _checked(raw: RawMesh, *, is_new: bool = True) -> Mesh:
     if len(inverted := facts["inverted"]):
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
         messages.append(f"turned round {len(inverted)} of {len(cells)} cells that were inverted")
-        log.info(messages[-1])
+        said.info(messages[-1])
     for doubt in doubts(points, cells, facts) if is_new else ():
         messages.append(doubt)
-        log.warning(doubt)
+        said.warning(doubt)
     sets = {name: _read_only(indices_of(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}
     parts = {
         name: _read_only(indices_of(chosen, len(cells), f"cell set {name!r}", "cell"))
@@ -412,7 +413,7 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
     kept = {name: nodes[is_used[nodes]] for name, nodes in raw.sets.items()}
     sets = {name: number[nodes] for name, nodes in kept.items() if len(nodes)}
     message = f"dropped {np.count_nonzero(~is_used)} of {len(is_used)} points that belong to no cell"
-    log.warning(message)  # in a format without an end mark, all that shows of a file cut short
+    said.warning(message)  # in a format without an end mark, all that shows of a file cut short
     return RawMesh(raw.points[is_used], number[raw.cells], sets, raw.cell_sets, (*raw.messages, message), raw.axes)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.cli import main
 from viscera.errors import VisceraError
 from viscera.files import mesh as meshfile
 from viscera.files.mesh import RawMesh
@@ -195,3 +196,47 @@ def test_a_suspicious_size_is_logged(bar: vs.Mesh, tmp_path: Path, caplog: pytes
     bar.write(tmp_path / "bar.vtu")
     vs.read(tmp_path / "bar.vtu", units=1000)
     assert "implausible for an organ" in caplog.text
+
+
+HINGE = "parts meet at point"
+
+
+@pytest.mark.parametrize("verb", ["solve", "reduce"])
+def test_a_command_says_once_what_a_mesh_has_to_say(
+    verb: str,
+    bar: vs.Mesh,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    vs.mesh(*hinged(bar)).write("bar.vtu")
+    Path("case.toml").write_text(
+        'mesh = "bar.vtu"\nunits = "m"\nfixed = ["x < 1%", "x > 99%"]\nreduce = {depth = "1%", order = 2}\n'
+        'material = {law = "NeoHookean", young = 1e5, poisson = 0.3}\n'
+        "loads = {gravity = [0, 0, -0.1], density = 100}\n"
+    )
+    caplog.clear()
+    assert main([verb, "case.toml"]) == 0
+    assert capsys.readouterr().out.count(HINGE) == 1
+    assert HINGE not in caplog.text
+    assert main([verb, "case.toml", "--quiet"]) == 0
+    assert caplog.text.count(HINGE) == 1
+
+
+def test_what_a_mesh_has_to_say_is_a_note_where_it_is_made(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Two cubes of one label, which meet at a corner."""
+    nibabel = pytest.importorskip("nibabel", reason="images need nibabel: pip install viscera[scan]")
+    monkeypatch.chdir(tmp_path)
+    cubes = np.zeros((10, 10, 10), dtype=np.uint8)
+    cubes[2:5, 2:5, 2:5] = cubes[5:8, 5:8, 5:8] = 1
+    nibabel.Nifti1Image(cubes, np.eye(4)).to_filename("cubes.nii")
+    assert main(["mesh", "cubes.nii", "--edge", "1mm"]) == 0
+    assert capsys.readouterr().out.count(HINGE) == 1
+    assert HINGE not in caplog.text

@@ -43,8 +43,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.spare(case.files, *written)
     case.require_unloaded("compare")
     made_folder(args.output)
-    organ = case.organ()
-    output.say_all(organ.mesh.messages)
+    organ = output.organ(case)
     laws = models(organ.law)
     wanted = {args.reference, *(args.models or laws)}
     for name in wanted - set(laws):

@@ -52,7 +52,9 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     painted = [place for place in args.fixed if Path(place).is_file()]
     output.spare([args.source, *painted], ("-o", args.output))
     target = checked(args.output)
-    found, voxels = _from_surface(args, output) if _is_surface(args.source) else _from_labels(args, output)
+    made = _from_surface if _is_surface(args.source) else _from_labels
+    with output.saying_messages():
+        found, voxels = made(args, output)
     found.write(target)
     return Outcome("done", facts=_told(found, voxels, target, output))
 

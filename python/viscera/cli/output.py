@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import sys
@@ -13,8 +14,10 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from viscera.cases.case import Case
 from viscera.errors import VisceraError
 from viscera.files.atomic import Name, replacing, spare, writable
+from viscera.organ import Organ
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141
 """Exit codes. The last is what a shell reports of a program that a closed pipe ended: 128 and the signal's number."""
@@ -73,6 +76,30 @@ class Output:
         """Lines for people, such as what was repaired in a mesh."""
         for message in messages:
             self.say(message)
+
+    @contextmanager
+    def saying_messages(self) -> Iterator[None]:
+        """While this lasts, what meshes keep among their messages is not logged: the command says it afterwards.
+
+        A quiet command says nothing, so the log has it.
+        """
+        log = logging.getLogger("viscera.mesh")
+
+        def is_logged(_: logging.LogRecord) -> bool:
+            return self.is_quiet
+
+        log.addFilter(is_logged)
+        try:
+            yield
+        finally:
+            log.removeFilter(is_logged)
+
+    def organ(self, case: Case) -> Organ:
+        """The organ of a case, with what its mesh has to say."""
+        with self.saying_messages():
+            organ = case.organ()
+        self.say_all(organ.mesh.messages)
+        return organ
 
     def write(self, outcome: Outcome, seconds: float) -> None:
         """The JSON of an outcome, where it was asked for."""

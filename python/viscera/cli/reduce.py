@@ -35,8 +35,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     case = case_of(args)
     output.spare(case.files, ("-o", wanted))
     target = model_path(wanted)
-    organ = case.organ()
-    output.say_all(organ.mesh.messages)
+    organ = output.organ(case)
     began = perf_counter()
     kept = Checkpoint(target.with_name(target.name + SUFFIX), output.say)
     try:

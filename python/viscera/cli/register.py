@@ -72,8 +72,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         raise VisceraError("nothing was measured; name a cloud of points, or --landmarks")
     cloud = None if args.cloud is None else read_cloud(args.cloud, args.units)
     landmarks = None if args.landmarks is None else read_landmarks(args.landmarks, args.units)
-    organ = case.organ()
-    output.say_all(organ.mesh.messages)
+    organ = output.organ(case)
     with progress.bar(output.is_quiet) as bar:
         found = organ.register(
             cloud, landmarks=landmarks, noise=args.noise, landmark_noise=args.landmark_noise, visible=args.visible,

@@ -84,8 +84,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         statefile.checked(args.output)
     if isinstance(case, SceneCase):
         return _scene(args, case, output)
-    organ = case.organ()
-    output.say_all(organ.mesh.messages)
+    organ = output.organ(case)
     facts: dict[str, Any] = {}
     with progress.bar(output.is_quiet) as bar:
         if case.scan:
@@ -102,7 +101,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 
 def _scene(args: argparse.Namespace, case: SceneCase, output: Output) -> Outcome:
     """Solve a scene, and say what lies between its organs too."""
-    scene = case.organ()
+    with output.saying_messages():
+        scene = case.organ()
     for name, organ in scene.organs.items():
         output.say_all(f"{name}: {message}" for message in organ.mesh.messages)
     with progress.bar(output.is_quiet) as bar:
