@@ -128,3 +128,40 @@ def test_a_picture_says_what_its_force_is_worth(viewer: Viewer) -> None:
     assert len(lines) > 1
     assert " ".join(lines) == f"Bar · {said}"
     viewer.page.set_viewport_size({"width": 1100, "height": 720})
+
+
+# What a redrawn curve writes beside its axes, (text, right-aligned, x, y), and where its point is [px].
+DRAWN = """() => {
+    const { fillText, arc } = CanvasRenderingContext2D.prototype;
+    const drawn = { ticks: [], point: null };
+    CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
+        drawn.ticks.push([Number(words), this.textAlign === "right", x, y]);
+        return fillText.call(this, words, x, y);
+    };
+    CanvasRenderingContext2D.prototype.arc = function (x, y, ...more) {
+        drawn.point = [x, y];
+        return arc.call(this, x, y, ...more);
+    };
+    viscera.display.readings.redraw();
+    Object.assign(CanvasRenderingContext2D.prototype, { fillText, arc });
+    drawn.ticks = drawn.ticks.filter(([value]) => !Number.isNaN(value));
+    return drawn;
+}"""
+
+
+@pytest.mark.parametrize("part", [0.5, 1.3])
+@pytest.mark.parametrize("order", [1, 4])
+def test_the_point_of_the_curve_is_where_the_touch_is(viewer: Viewer, touch: vs.Touch, part: float, order: int) -> None:
+    """Also beyond the depth that the model is made for, and where a lower order has the larger force."""
+    viewer.call("setOrder", order)
+    viewer.call("touch", TOP, (0.0, 0.0, -part * touch.depth))
+    drawn, force = viewer.page.evaluate(DRAWN), np.linalg.norm(viewer.state["force"])
+    depths = np.array([[x, value] for value, is_force, x, _ in drawn["ticks"] if not is_force])
+    forces = np.array([[y, value] for value, is_force, _, y in drawn["ticks"] if is_force])
+    for at, ticks, expected in zip(drawn["point"], (depths, forces), (1e3 * part * touch.depth, force), strict=True):
+        assert np.polyval(np.polyfit(ticks[:, 0], ticks[:, 1], 1), at) == pytest.approx(expected, rel=1e-3)
+    # The curve goes through it.
+    known = viewer.page.evaluate(
+        "(k) => [viscera.touching.curves.depths, viscera.touching.curves.forces[k]]", order - 1
+    )
+    assert np.interp(part * touch.depth, *known) == pytest.approx(force, rel=1e-2)

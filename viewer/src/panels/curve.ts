@@ -4,7 +4,8 @@ import type { Evaluator, Vec3 } from "../model/evaluator";
 import { apart } from "../model/field";
 import { scale, type Tick } from "../base/scale";
 
-const SAMPLES = 48;
+/** Samples to the model's depth. */
+const SAMPLES = 40;
 const MARGIN = { left: 34, right: 10, top: 10, bottom: 24 };
 /** Steps between ticks at the most: of the force, and of the depth. */
 const FORCE_STEPS = 3;
@@ -19,11 +20,11 @@ export interface Curves {
   isTrusted: boolean[][];
 }
 
-/** Samples the answers along a direction to the model's depth; the contact must be touched. */
-export function sample(evaluator: Evaluator, direction: Vec3): Curves {
+/** Samples the answers along a direction, to so many times the model's depth; the contact must be touched. */
+export function sample(evaluator: Evaluator, direction: Vec3, times: number): Curves {
   const { metadata } = evaluator.about;
   const { depth, order } = metadata;
-  const depths = Array.from({ length: SAMPLES + 1 }, (_, k) => (k / SAMPLES) * depth);
+  const depths = Array.from({ length: Math.round(times * SAMPLES) + 1 }, (_, k) => (k / SAMPLES) * depth);
   const along = (t: number) => direction.map((x) => t * x) as Vec3;
   const orders = Array.from({ length: order }, (_, p) => p + 1);
   const forces = orders.map((p) => depths.map((t) => evaluator.force(along(t), p)));
@@ -82,17 +83,19 @@ export class CurvePlot {
     const colour = (name: string) => style.getPropertyValue(name).trim();
     context.font = `11px ${style.fontFamily}`;
     const { curves, order, depth, now } = drawing;
-    const best = curves?.forces.at(-1);
-    const forces = scale(1.1 * Math.max(best ? Math.max(...best) : 1, 1e-6), FORCE_STEPS);
+    // What is touched now is seen where it is, also beyond what the model is made for, or far above the highest order.
+    const deepest = Math.max(depth, now?.depth ?? 0);
+    const seen = curves?.forces.at(-1)!.filter((_, k) => curves.depths[k]! <= deepest) ?? [1];
+    const forces = scale(1.1 * Math.max(...seen, now?.force ?? 0, 1e-6), FORCE_STEPS);
     const left = Math.max(MARGIN.left, 10 + Math.max(...forces.map(({ text }) => context.measureText(text).width)));
     const top = forces.at(-1)!.value;
-    const x = (t: number) => left + (t / depth) * (width - left - MARGIN.right);
+    const x = (t: number) => left + (t / deepest) * (width - left - MARGIN.right);
     const y = (f: number) => height - MARGIN.bottom - (f / top) * (height - MARGIN.top - MARGIN.bottom);
     const plane = { width, height, left, x, y };
     // Without a touch the scale of the force would be a guess.
-    this.axes(plane, curves ? forces : forces.slice(0, 1), depth, colour);
+    this.axes(plane, curves ? forces : forces.slice(0, 1), deepest, colour);
     if (curves) this.lines(plane, curves, order, colour);
-    if (now) this.point(x(Math.min(now.depth, depth)), y(Math.min(now.force, top)), colour);
+    if (now) this.point(x(now.depth), y(now.force), colour);
   }
 
   dispose(): void {

@@ -206,7 +206,7 @@ export class TouchState {
     const sampled = [...direction, this.evaluator.factor, ...this.point];
     if (this.curves && sampled.every((x, i) => Math.abs(x - this.sampled[i]!) < SAME)) return;
     this.sampled = sampled;
-    this.curves = sample(this.evaluator, direction);
+    this.curves = sample(this.evaluator, direction, BEYOND);
   }
 
   /** Turns to another order of the same touch. */
