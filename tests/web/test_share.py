@@ -104,10 +104,28 @@ def test_a_link_to_a_place_beside_the_organ_is_a_sentence(server: Server, look_a
     other.close()
 
 
-def test_an_address_without_sense_is_no_harm(server: Server, look_at: Callable[..., Viewer]) -> None:
-    other = look_at(f"{server.url}#touch=1,2;x&order=99&stiffness=-1&colour=mauve&look=up&from=0,0,0")
+def test_a_damaged_link_says_what_could_not_be_read(server: Server, look_at: Callable[..., Viewer]) -> None:
+    other = look_at(f"{server.url}#touch=1,2;x&order=99&stiffness=-1&colour=mauve&look=up&from=0,0,0&constructor=1&a")
+    warning = other.page.locator(".warning.is-shown")
+    assert warning.inner_text() == (
+        "This link could not be read where it says touch=1,2;x, order=99, stiffness=-1, colour=mauve, look=up, "
+        "from=0,0,0, constructor=1, a. The organ is shown at rest."
+    )
     assert other.state["activity"] == "rest"
     assert other.state["stiffness_factor"] == 1
+    # What can be read is done, and a long part is told by its beginning.
+    other.page.goto(f"{server.url}#touch=300,50,100;0,0,-15&order=2&colour={'z' * 50}")
+    warning.get_by_text("colour=").wait_for()
+    said = f"This link could not be read where it says colour={'z' * 33}…."
+    assert warning.inner_text().endswith(said)
+    assert (other.state["activity"], other.state["order"]) == ("kept", 2)
+    # Whatever is held is let go where the next link's touch cannot be read.
+    other.page.goto(f"{server.url}#touch=300,50,100;0,0,NaN")
+    other.page.wait_for_function("() => viscera.state().activity === 'rest'")
+    said = "This link could not be read where it says touch=300,50,100;0,0,NaN. The organ is shown at rest."
+    assert warning.inner_text() == said
+    other.page.goto(f"{server.url}#order=4")
+    warning.wait_for(state="detached")
     assert other.complaints == []
     other.close()
 

@@ -25,6 +25,12 @@ export class Speech {
     this.summary.say([inShort, sentence].filter(Boolean).join(" "));
   }
 
+  /** Says what else is the matter, until something else is said. */
+  also(trouble: string): void {
+    const [inShort, before] = this.last;
+    this.say(inShort, [before, trouble].filter(Boolean).join(" "));
+  }
+
   dispose(): void {
     this.summary.dispose();
   }

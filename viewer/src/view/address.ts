@@ -6,7 +6,10 @@ import type { Vec3 } from "../model/evaluator";
 import { LOOKINGS, type Looking } from "../stage/sight";
 import type { View } from "./view";
 
-const ELSEWHERE = "This link touches a place that is not on the touchable surface. The organ is shown at rest.";
+const ELSEWHERE = "This link touches a place that is not on the touchable surface.";
+const AT_REST = "The organ is shown at rest.";
+/** Of what could not be read so many letters are said. */
+const SAID = 40;
 
 /** No address multiplies stiffnesses by more, or divides them by more. */
 const STIFFEST = 1000;
@@ -18,11 +21,21 @@ interface Carried {
   order?: number;
   /** All stiffnesses of the organ, in units of its own. */
   stiffness?: number;
-  colour?: string;
-  look?: string;
+  colour?: Colouring;
+  look?: Looking;
   /** Where the camera stands [diagonals]. */
   from?: Vec3;
 }
+
+/** What each part of an address says; null where that makes no sense. */
+const PARTS = new Map<string, (text: string) => Carried | null>([
+  ["touch", readTouch],
+  ["order", (text) => (/^[1-9]\d*$/.test(text) ? { order: Number(text) } : null)],
+  ["stiffness", readStiffness],
+  ["colour", (text) => readOneOf(COLOURINGS, text, (colour) => ({ colour }))],
+  ["look", (text) => readOneOf(LOOKINGS, text, (look) => ({ look }))],
+  ["from", readFrom],
+]);
 
 /** What follows the # of an address that shows the touch of a view, seen as it is. */
 export function addressOf({ touching, order, evaluator, display, sight, stage, depth }: View): string {
@@ -39,22 +52,34 @@ export function addressOf({ touching, order, evaluator, display, sight, stage, d
 
 /** Lets a view do what the page's address says, now and whenever it is another one; returns what ends that. */
 export function followAddress(view: View): () => void {
-  const listener = () => follow(view, read(location.hash));
+  const listener = () => follow(view, location.hash);
   listener();
   window.addEventListener("hashchange", listener);
   return () => window.removeEventListener("hashchange", listener);
 }
 
-function follow(view: View, { point, displacement, order, stiffness, colour, look, from }: Carried): void {
+function follow(view: View, hash: string): void {
+  const { carried, lost } = read(hash, view.evaluator.about.metadata.order);
+  const { point, displacement, order, stiffness, colour, look, from } = carried;
   if (order) view.setOrder(order);
   if (stiffness) view.setStiffness(stiffness);
-  if (COLOURINGS.includes(colour as Colouring)) view.setColouring(colour as Colouring);
+  if (colour) view.setColouring(colour);
   if (from) view.stage.lookFrom(from);
-  if (LOOKINGS.includes(look as Looking)) view.sight.choose(look as Looking);
-  if (!point || !displacement) return;
-  if (view.evaluator.touch(point)) return view.touch(point, displacement);
-  view.rest();
-  view.display.speech.say("", ELSEWHERE);
+  if (look) view.sight.choose(look);
+  const trouble = lost.size > 0 ? [inWords(lost)] : [];
+  if (point && displacement && view.evaluator.touch(point)) view.touch(point, displacement);
+  else if (point || lost.has("touch")) {
+    view.rest();
+    trouble.push(...(point ? [ELSEWHERE] : []), AT_REST);
+  }
+  if (trouble.length > 0) view.display.speech.also(trouble.join(" "));
+}
+
+/** Says which parts of an address could not be read. */
+function inWords(lost: ReadonlyMap<string, string>): string {
+  const parts = Array.from(lost, ([name, text]) => (text ? `${name}=${text}` : name));
+  const said = parts.map((part) => (part.length > SAID ? `${part.slice(0, SAID)}…` : part));
+  return `This link could not be read where it says ${said.join(", ")}.`;
 }
 
 /** What follows the #; a place is as exact as the depth [m] that the model is made for asks. */
@@ -72,20 +97,36 @@ function written({ point, displacement, order, stiffness, colour, look, from }: 
   return decodeURIComponent(said.toString());
 }
 
-/** What an address says after its #; what makes no sense is left out. */
-function read(hash: string): Carried {
-  const said = new URLSearchParams(hash.replace(/^#/, ""));
+/** What an address says after its #, to a model of a highest order, and by name the parts that make no sense. */
+function read(hash: string, highest: number): { carried: Carried; lost: Map<string, string> } {
   const carried: Carried = {};
-  const [point, displacement] = (said.get("touch") ?? "").split(";").map((text) => numbers(text, 1000));
-  if (point && displacement) Object.assign(carried, { point, displacement });
-  const order = Number(said.get("order"));
-  if (Number.isInteger(order) && order > 0) carried.order = order;
-  const stiffness = Number(said.get("stiffness"));
-  if (stiffness >= 1 / STIFFEST && stiffness <= STIFFEST) carried.stiffness = stiffness;
-  for (const name of ["colour", "look"] as const) if (said.get(name)) carried[name] = said.get(name)!;
-  const from = numbers(said.get("from") ?? "", 1);
-  if (from && Math.hypot(...from) > 0.1) carried.from = from;
-  return carried;
+  const lost = new Map<string, string>();
+  for (const [name, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
+    const found = PARTS.get(name)?.(text);
+    if (found && (found.order ?? 1) <= highest) Object.assign(carried, found);
+    else lost.set(name, text);
+  }
+  return { carried, lost };
+}
+
+function readTouch(text: string): Carried | null {
+  const [point, displacement, ...more] = text.split(";").map((part) => numbers(part, 1000));
+  return point && displacement && more.length === 0 ? { point, displacement } : null;
+}
+
+function readStiffness(text: string): Carried | null {
+  const stiffness = Number(text);
+  return stiffness >= 1 / STIFFEST && stiffness <= STIFFEST ? { stiffness } : null;
+}
+
+function readFrom(text: string): Carried | null {
+  const from = numbers(text, 1);
+  return from && Math.hypot(...from) > 0.1 ? { from } : null;
+}
+
+function readOneOf<Name extends string>(names: readonly Name[], text: string, carry: (name: Name) => Carried): Carried | null {
+  const name = names.find((known) => known === text);
+  return name ? carry(name) : null;
 }
 
 /** A vector with five digits of a length [m]: an organ may be as small as it likes. */
