@@ -48,6 +48,28 @@ def test_strain_counts_from_rest(look_at: Look, server: Server, hanging: vs.Touc
         viewer.close()
 
 
+def test_the_scale_of_strains_leaves_room_above_those_of_the_preload(
+    look_at: Look, server: Server, hanging: vs.Touch
+) -> None:
+    assert hanging.preload is not None
+    largest = 100 * strain(hanging, hanging.preload[hanging.surface_nodes]).max()
+    with serve(hanging, "Hanging") as running:
+        viewer = look_at(running.url)
+        viewer.call("setColouring", "strain")
+        legend = viewer.page.locator(".legend:visible")
+        ends = legend.locator(".legend-ticks span").all_inner_texts()
+        # A tenth, and at most a step of the scale more.
+        step = float(ends[1]) - float(ends[0])
+        assert largest + 10 <= float(ends[-1]) <= largest + 10 + step
+        assert legend.locator(".legend-beyond").inner_text() == ""
+        # It stays while one touches.
+        point = hanging.locate(hanging.points[hanging.points[:, 0].argmax()])
+        viewer.call("touch", point.tolist(), [0.0, 0.003, -0.01])
+        assert legend.locator(".legend-ticks span").all_inner_texts() == ends
+        assert viewer.complaints == []
+        viewer.close()
+
+
 def test_an_exported_page_has_the_shape_without_the_load(hanging: vs.Touch, server: Server, tmp_path: Path) -> None:
     export(hanging, tmp_path / "site")
     alone = load_bytes((tmp_path / "site" / page.MODEL).read_bytes())

@@ -381,6 +381,22 @@ def test_colours_have_a_legend(viewer: Viewer, colouring: str) -> None:
     viewer.shoot(colouring)
 
 
+def test_the_error_of_a_probe_has_a_scale_as_wide_as_its_depth(viewer: Viewer, touch: vs.Touch) -> None:
+    """Its estimate is never below 25 %: to the scale of a contact most of the organ would have one colour."""
+    painted = "() => [viscera.display.legend.ticks.lastChild.textContent, [...viscera.display.painter.values]]"
+    viewer.call("setColouring", "error")
+    viewer.call("touch", TOP, (0.0, 0.0, -0.02))
+    end, values = viewer.page.evaluate(painted)
+    assert max(values) < 1e-3 * float(end) == pytest.approx(0.05 * touch.depth, rel=0.3)
+    viewer.call("toggleProbe")
+    wide, values = viewer.page.evaluate(painted)
+    assert 1e-3 * float(end) < np.median(values) < np.quantile(values, 0.9) < 1e-3 * float(wide)
+    # The distance of a lower order from the highest is that of the series.
+    viewer.call("setOrder", 3)
+    assert viewer.page.evaluate(painted)[0] == end
+    viewer.call("toggleProbe")
+
+
 def test_frame_times_are_reported(viewer: Viewer, record_property: Any) -> None:
     viewer.call("togglePath")
     # What is shown follows what is measured by a frame.

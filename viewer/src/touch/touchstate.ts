@@ -94,6 +94,10 @@ export class TouchState {
     return Math.hypot(...this.displacement);
   }
 
+  get hasProbe(): boolean {
+    return this.felt !== null;
+  }
+
   /** The numbers of the touch in the chosen order, for programs: SI units. */
   numbers(order: number): Record<keyof typeof NOBODY, unknown> {
     const { point, displacement, force, answer, orders } = this;
@@ -238,7 +242,7 @@ export class TouchState {
 
   /** How far it may be, beside an estimated error of that. */
   private room(error: number): number {
-    return roomBeside(error, this.depth, this.evaluator.about.metadata, this.felt !== null);
+    return roomBeside(error, this.depth, this.evaluator.about.metadata, this.hasProbe);
   }
 
   /** Estimated relative error of the chosen order's force: at a lower one its distance from the highest is added. */

@@ -12,6 +12,8 @@ export type Colouring = (typeof COLOURINGS)[number];
 export interface Coloured {
   readonly field: Float32Array;
   localError?(order: number, out: Float32Array): void;
+  /** Whether that error includes a probe's contact, which is never known well. */
+  readonly hasProbe?: boolean;
 }
 
 /** A surface: its nodes at rest (s, 3) [m], the same without the load that it may be under, triangles between their rows. */
@@ -21,13 +23,17 @@ interface Painted {
   readonly triangles: Uint32Array;
 }
 
-/** The scale of strains reaches to this at least. */
+/** The scale of strains reaches so far beyond those at rest. */
 const STRAIN = 0.1;
+/** That of errors reaches to this part of the depth; where a probe's contact is among them, to the depth. */
+const ERROR = 0.05;
 
 export class Painter {
   colouring: Colouring = "tissue";
   private readonly values: Float32Array;
   private strain: SurfaceStrain | null = null;
+  /** The largest strain at rest, under the load that a touch is about. */
+  private strained = 0;
 
   constructor(
     private readonly surface: Painted,
@@ -50,7 +56,7 @@ export class Painter {
 
   /** Colours the surface by a touch, in the field of an order; null is nobody touching. Without a known error it is tissue. */
   show(touching: Coloured | null, order: number): void {
-    const { values, surface } = this;
+    const { values } = this;
     const { depth, order: highest } = this.about;
     values.fill(0);
     switch (this.colouring) {
@@ -60,15 +66,24 @@ export class Painter {
         if (touching) lengths(touching.field, values);
         return this.paint("displacement", VIRIDIS, MILLIMETRES, depth);
       case "strain":
-        // What a touch is about may be strained already.
-        this.strain ??= new SurfaceStrain(surface.rest, surface.triangles, surface.unloaded);
+        this.strain ??= this.strainOfRest();
         this.strain.at(touching && touching.field, values);
-        return this.paint("surface strain", PLASMA, PERCENT, STRAIN);
+        return this.paint("surface strain", PLASMA, PERCENT, this.strained + STRAIN);
       case "error":
         if (touching && !touching.localError) return this.paintTissue();
         touching?.localError?.(order, values);
-        return this.paint(order < highest ? `difference from order ${highest}` : "estimated error", INFERNO, MILLIMETRES, 0.05 * depth);
+        if (order < highest) return this.paint(`difference from order ${highest}`, INFERNO, MILLIMETRES, ERROR * depth);
+        return this.paint("estimated error", INFERNO, MILLIMETRES, touching?.hasProbe ? depth : ERROR * depth);
     }
+  }
+
+  /** What measures strains, once it has those that are there without a touch. */
+  private strainOfRest(): SurfaceStrain {
+    const { surface, values } = this;
+    const strain = new SurfaceStrain(surface.rest, surface.triangles, surface.unloaded);
+    strain.at(null, values);
+    this.strained = this.largest;
+    return strain;
   }
 
   private paintTissue(): void {
@@ -78,7 +93,10 @@ export class Painter {
 
   /** Colours by the values, on a scale that reaches to one of them at least. */
   private paint(name: string, map: ColourMap, unit: Unit, least: number): void {
-    const largest = this.values.reduce((most, x) => Math.max(most, x), 0);
-    this.body.paint(this.values, 0, this.legend.show(name, map, unit, least, largest), map);
+    this.body.paint(this.values, 0, this.legend.show(name, map, unit, least, this.largest), map);
+  }
+
+  private get largest(): number {
+    return this.values.reduce((most, x) => Math.max(most, x), 0);
   }
 }

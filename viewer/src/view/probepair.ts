@@ -19,6 +19,7 @@ const NAMES = ["first probe", "second probe"] as const;
 const WORDS = "Each probe feels the other through the organ. The shape is the sum of both touches; the estimate includes the error of that.";
 
 export class ProbePair implements Coloured {
+  readonly hasProbe = true;
   /** What is read off, in the place of the readings of one touch. */
   readonly root: HTMLElement;
   /** Displacement under both (s, 3) [m]: the sum of what each does alone, of the chosen order and of the highest. */
