@@ -212,7 +212,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.conversation.forgetHands();
     if (this.painter.colouring === "stress") this.conversation.want({ stress: true });
     this.setLaws(this.laws);
-    this.stage.goHome();
+    this.row.goHome();
   }
 
   setGravity(gravity: Vec3): void {
@@ -340,9 +340,9 @@ export class LiveView implements Touched, Keyed, Shared {
   private frame(): void {
     this.sight.follow();
     this.gauge.follow();
-    this.hint.follow(this.held === null && this.hands > 0);
     this.ask();
     if (this.isFresh) this.stage.shape(() => this.show());
+    this.hint.follow(this.held === null && this.hands > 0 && this.row.hasSettled);
     this.specimens.forEach((specimen) => specimen.follow());
     const { pace, drawing } = this.stage;
     this.clock.textContent = paceInWords(pace.rate, [
@@ -388,7 +388,7 @@ export class LiveView implements Touched, Keyed, Shared {
   private show(): void {
     this.isFresh = false;
     const { specimens } = this;
-    specimens.forEach((specimen) => specimen.present());
+    this.row.present(this.held !== null);
     if (this.held) {
       // A force on its way may be of any size: it does not set the scale.
       const settled = specimens.filter(({ facts }) => facts.isSettled);

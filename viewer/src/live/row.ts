@@ -17,6 +17,8 @@ interface Shown {
 
 export class Row {
   specimens: Specimen[] = [];
+  /** Whether the first view is to take in what the loads of the case make of the organs. */
+  private isExpecting = false;
 
   constructor(
     private readonly stage: Stage,
@@ -48,7 +50,34 @@ export class Row {
       this.labels.append(...specimen.grips.map(({ label }) => label.root));
       return specimen;
     });
-    if (isOther) this.stage.enclose(places.map((at) => ({ rest: this.surface.rest, at })));
+    if (!isOther) return;
+    this.enclose();
+    this.isExpecting = true;
+  }
+
+  /** Whether the organs have come to where the loads hold them. */
+  get hasSettled(): boolean {
+    return this.specimens.every(({ hasSettled }) => hasSettled);
+  }
+
+  /** Back to the first view, of organs that begin anew. */
+  goHome(): void {
+    this.stage.goHome();
+    this.isExpecting = true;
+  }
+
+  /** Shapes the organs as the last frame says. Once they have settled the first view is theirs, unless a hand has been faster. */
+  present(isHeld: boolean): void {
+    this.specimens.forEach((specimen) => specimen.present());
+    this.isExpecting &&= !isHeld && this.stage.isHome;
+    if (!this.isExpecting || !this.hasSettled) return;
+    this.isExpecting = false;
+    this.enclose();
+  }
+
+  /** Takes the organs into the first view, as they are. */
+  private enclose(): void {
+    this.stage.enclose(this.specimens.map(({ moved, place }) => ({ points: moved, at: place.position.toArray() })));
   }
 
   /** What a ray meets of the organs, the nearest first. */

@@ -216,6 +216,11 @@ export class Specimen {
     this.grips[0].arrow.hover(point.map((x, i) => x + moved[i]!) as Vec3, normal);
   }
 
+  /** Where every node is (s, 3) [m]. */
+  get moved(): Float32Array {
+    return this.surface.rest.map((x, i) => x + this.field[i]!);
+  }
+
   /** How far every node has moved (s,) [m]. */
   distances(): Float32Array {
     lengths(this.field, this.lengths);

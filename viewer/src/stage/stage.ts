@@ -12,6 +12,8 @@ const DISTANCE = 1.85;
 const MARGIN = 1.12;
 /** The organ is drawn as large as in a clearing of this size at the least [px]. */
 const LEAST = 48;
+/** A view that is no farther from the first one is that [diagonals]: controls round. */
+const ROUNDING = 1e-6;
 /** How close the view comes to the axis that is upright when keys turn it [rad]. */
 const CLOSEST = 0.02;
 /** What is said until the browser gives the drawing back. */
@@ -54,6 +56,8 @@ export class Stage {
   private room = 1;
   private shapes: readonly Placed[] = [];
   private readonly home = new THREE.Vector3();
+  /** What the first view looks at, from the organ's middle at rest [diagonals]. */
+  private readonly focus = new THREE.Vector3();
   private readonly observer: ResizeObserver;
   private readonly abort = new AbortController();
 
@@ -95,10 +99,21 @@ export class Stage {
 
   /** Back to the first view. */
   goHome(): void {
-    this.camera.position.copy(this.home).multiplyScalar(this.room);
-    this.controls.target.set(0, 0, 0);
+    this.camera.position.copy(this.outlook);
+    this.controls.target.copy(this.focus);
     this.controls.update();
     this.invalidate();
+  }
+
+  /** Whether the organ is looked at as in the first view. */
+  get isHome(): boolean {
+    const off = this.camera.position.distanceTo(this.outlook) + this.controls.target.distanceTo(this.focus);
+    return off < ROUNDING;
+  }
+
+  /** Where the first view is looked at from [diagonals]. */
+  private get outlook(): THREE.Vector3 {
+    return this.home.clone().multiplyScalar(this.room).add(this.focus);
   }
 
   /** Looks at the organ from a place [diagonals]. */
@@ -141,12 +156,13 @@ export class Stage {
   enclose(shapes: readonly Placed[]): void {
     this.shapes = shapes;
     const right = new THREE.Vector3(...this.right);
-    const along = shapes.flatMap(({ rest, at }) => {
-      const [low, high] = extent(rest, (x, y, z) => right.x * x + right.y * y + right.z * z);
+    const along = shapes.flatMap(({ points, at }) => {
+      const [low, high] = extent(points, (x, y, z) => right.x * x + right.y * y + right.z * z);
       const offset = right.dot(new THREE.Vector3(...at));
       return [low + offset, high + offset];
     });
     this.room = Math.max(1, (Math.max(...along) - Math.min(...along)) / this.diagonal);
+    this.focus.copy(middle(shapes)).sub(CENTRE.set(...this.centre)).divideScalar(this.diagonal);
     this.goHome();
     this.fit();
   }
@@ -244,17 +260,16 @@ export class Stage {
 
   /** How steep the rays to the outermost points of the first view are, to either side and up or down. */
   private slopes(): [number, number] {
-    const place = this.home.clone().multiplyScalar(this.room);
     const eye = new THREE.PerspectiveCamera();
     eye.up.copy(this.camera.up);
-    eye.position.copy(place);
-    eye.lookAt(0, 0, 0);
+    eye.position.copy(this.outlook);
+    eye.lookAt(this.focus);
     eye.updateMatrixWorld();
     const point = new THREE.Vector3();
     let [across, up] = [0.1, 0.1];
-    for (const { rest, at } of this.shapes) {
-      for (let n = 0; n < rest.length; n += 3) {
-        point.set(rest[n]! + at[0], rest[n + 1]! + at[1], rest[n + 2]! + at[2]).sub(CENTRE.set(...this.centre));
+    for (const { points, at } of this.shapes) {
+      for (let n = 0; n < points.length; n += 3) {
+        point.set(points[n]! + at[0], points[n + 1]! + at[1], points[n + 2]! + at[2]).sub(CENTRE.set(...this.centre));
         point.divideScalar(this.diagonal).applyMatrix4(eye.matrixWorldInverse);
         across = Math.max(across, Math.abs(point.x / point.z));
         up = Math.max(up, Math.abs(point.y / point.z));
@@ -299,9 +314,9 @@ export class Stage {
   }
 }
 
-/** A surface (s, 3) [m] and how far from its own place it stands [m]. */
+/** A surface's points (s, 3) [m] and how far from its own place it stands [m]. */
 export interface Placed {
-  rest: Float32Array;
+  points: Float32Array;
   at: Vec3;
 }
 
@@ -315,6 +330,12 @@ function extent(points: Float32Array, value: (x: number, y: number, z: number) =
     [low, high] = [Math.min(low, at), Math.max(high, at)];
   }
   return [low, high];
+}
+
+/** The middle of the box about shapes [m]. */
+function middle(shapes: readonly Placed[]): THREE.Vector3 {
+  const ends = [0, 1, 2].map((i) => shapes.flatMap(({ points, at }) => extent(points, (...place) => place[i]!).map((x) => x + at[i]!)));
+  return new THREE.Vector3(...ends.map((along) => 0.5 * (Math.min(...along) + Math.max(...along))));
 }
 
 /** What a canvas is drawn with; throws a sentence where the browser has no WebGL 2. */

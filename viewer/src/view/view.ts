@@ -96,7 +96,7 @@ export class View implements Touched, Keyed, Shared {
       [this.stage.clearing, this.tools.header, speech.warning, gauge.root, legend.root, side, this.tools.root],
       [this.help, speech.summary.root],
     );
-    this.stage.enclose([{ rest: evaluator.rest, at: [0, 0, 0] }]);
+    this.stage.enclose([{ points: evaluator.rest, at: [0, 0, 0] }]);
     this.pointer = new Pointer(this.stage, touchable, this);
     this.deaf = [listen(root, this), followTheme(root, () => readings.redraw())];
     this.stage.onFrame = (seconds) => this.frame(seconds);
