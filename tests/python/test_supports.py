@@ -319,3 +319,20 @@ def test_the_error_of_an_organ_that_nothing_holds_names_what_lets_a_table_hold_i
     assert state.is_converged
     assert np.abs(state.support_force(weak)).max() < 1e-6
     assert state.contact(table).force[2] == pytest.approx(5.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("gap", [1e-5, 5e-4, 5e-3])
+def test_an_organ_comes_down_on_a_table(cube: vs.Mesh, gap: float) -> None:
+    """Held by next to nothing above it, and by the table then, as if it had begun there."""
+    law, weak = vs.NeoHookean(young=1e5, poisson=0.3), vs.ElasticSupport("x > -1%", 1e-3)
+
+    def rests(above: float) -> vs.State:
+        mesh = vs.mesh(cube.points + np.array([0.0, 0.0, above]), cube.cells, cube.sets)
+        table = vs.Tool(vs.HalfSpace(), friction=0.5)
+        organ = vs.Organ(mesh, law, supports=[weak])
+        state = organ.solve(gravity=(0, 0, -9.81), density=1000.0, contact=[table])
+        assert state.is_converged, state.message
+        return state
+
+    moved = rests(gap).displacement + np.array([0.0, 0.0, gap])
+    assert abs(moved - rests(0.0).displacement).max() < 1e-6

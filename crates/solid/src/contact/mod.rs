@@ -34,7 +34,7 @@ pub use tool::{Anchored, Report, Tool};
 
 use crate::body::{BlockPattern, Body, Curvature, SymmetricBlocks};
 use crate::error::Error;
-use crate::mesh::diagonal;
+use crate::mesh::{diagonal, norm};
 use pair::ActivePair;
 use samples::Samples;
 use std::sync::Arc;
@@ -276,8 +276,14 @@ impl Contact {
     /// The part of a step from `u`, at most 1, that leads no surface much deeper into a tool or into the other of its pair.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         let of_pairs = self.pairs.iter().map(|pair| pair.longest(u, step));
-        let of_tools = self.tools.iter().flatten().map(|tool| tool.longest(u, step));
+        let of_tools = self.tools.iter().flatten().map(|tool| tool.longest(u, step, self.diagonal));
         of_pairs.chain(of_tools).fold(1.0, f64::min)
+    }
+
+    /// Whether a step is that of a body which next to nothing holds until it comes down on what may stop it: one that leads a
+    /// node farther than the body is large.
+    pub fn is_fall(&self, step: &[f64]) -> bool {
+        !self.is_empty() && step.chunks_exact(3).any(|s| norm([s[0], s[1], s[2]]) > self.diagonal)
     }
 
     /// Adds the last forces on the body [N].

@@ -86,6 +86,8 @@ pub(super) struct Ending {
     pub singular: Option<f64>,
     /// Load and degree of freedom of an equilibrium that is not stable.
     pub unstable: Option<(f64, usize)>,
+    /// Whether the body fell in the last load step, since next to nothing holds it until it comes down on something.
+    pub falls: bool,
 }
 
 impl Ending {
@@ -124,6 +126,12 @@ impl Ending {
 
     /// What to do about a load step that failed next to a singular tangent or within rounding.
     fn remedy(&self, problem: &Problem) -> String {
+        if self.falls {
+            return "; next to nothing holds the body until it comes down on what it touches: let it come to rest there in \
+                    frames with inertia, of Organ.stepper(density=..., time_step=0.02, dynamics='backward_euler'), and \
+                    solve from the last of them (start)"
+                .to_string();
+        }
         match (self.singular, self.unstable, &self.cut) {
             (Some(load), ..) => format!(
                 "; the tangent becomes nearly singular at load {load:.4}, a limit point, above which there is no equilibrium \

@@ -62,3 +62,20 @@ fn a_step_along_a_tool_is_not_cut() {
     contact.begin(&u);
     assert_eq!(contact.longest(&u, &shift([0.0, 0.0, -0.05])), 1.0);
 }
+
+/// Of a body that next to nothing holds: it stops no deeper in the half-space than it is large.
+#[test]
+fn a_fall_ends_in_a_half_space() {
+    let body = cube(3);
+    let u = vec![0.0; body.n_dofs()];
+    let mut contact = Contact::new(&body);
+    let down = |by: f64| -> Vec<f64> { (0..u.len()).map(|dof| [0.0, 0.0, -by][dof % 3]).collect() };
+    assert!(!contact.is_fall(&down(1e4)), "nothing is below");
+    let floor = Tool::new(Shape::HalfSpace, Friction::Coulomb(0.0), Pose::at([0.0, 0.0, -0.02]));
+    contact.add(&body, floor, &u).unwrap();
+    contact.begin(&u);
+    let size = diagonal(body.points());
+    assert!(!contact.is_fall(&down(0.9 * size)) && contact.is_fall(&down(1.1 * size)));
+    let reached = 1e4 * contact.longest(&u, &down(1e4));
+    assert!((reached - size - 0.02).abs() < 1e-9, "{reached}");
+}

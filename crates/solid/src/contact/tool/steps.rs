@@ -12,11 +12,11 @@ impl ActiveTool {
     /// The part of a step, possibly more than all of it, that leads no sample much deeper into the tool. The gap of a convex
     /// shape is convex, and along a step at least what the normal says. That of a closed surface falls at most as fast as the
     /// sample moves; samples that move away from its nearest point are not held back.
-    pub(in super::super) fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
-        let deeper = DEEPER * self.depth;
-        if deeper.is_infinite() {
-            return f64::INFINITY;
-        }
+    ///
+    /// A half-space has no other side. Of a body that next to nothing holds above it, a step may still be longer than any
+    /// number of halvings makes short enough: it leads no deeper than the `diagonal` of the body.
+    pub(in super::super) fn longest(&self, u: &[f64], step: &[f64], diagonal: f64) -> f64 {
+        let deeper = (DEEPER * self.depth).min(diagonal);
         let is_convex = !matches!(self.tool.shape, Shape::Solid(_));
         let fast = self.samples.by_face().filter(|(face, _)| face.speed(step) > deeper);
         let mut longest = f64::INFINITY;

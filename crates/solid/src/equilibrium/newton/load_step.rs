@@ -71,7 +71,7 @@ impl<'a> Run<'a> {
         self.tried = load - self.load;
         self.contact.advance(load);
         self.contact.begin(&self.u);
-        self.spent = 0;
+        (self.spent, self.falls) = (0, false);
         let mut step = LoadStep::new(self, load);
         step.converge()?;
         if step.run.contact.was_out_of_reach() && step.run.tried > FINE {
@@ -242,6 +242,8 @@ impl Iteration for LoadStep<'_, '_> {
             solved = self.run.newton_step(&self.u, &self.residual, self.load, is_leading);
         }
         let (step, change, indefinite) = solved?;
+        let is_fall = self.run.contact.is_fall(&step);
+        self.run.falls |= is_fall;
         self.unstable = unstable.or(indefinite);
         if !is_first && self.norm <= if self.is_linear { NEAR } else { AT } {
             self.passed = self.passed.or(self.unstable);
@@ -259,7 +261,7 @@ impl Iteration for LoadStep<'_, '_> {
             }
             part
         } else {
-            self.run.line_search(&self.u, &step, self.load, &self.residual, self.norm)?
+            self.run.line_search(&self.u, &step, self.load, &self.residual, self.norm, is_fall)?
         };
         self.u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
         self.moved = length * norm(&step) / norm(&self.u);

@@ -47,6 +47,8 @@ pub(super) struct Run<'a> {
     pub(super) slopes: Slopes,
     /// Shift of the last tangent; the next one is usually similar.
     pub(super) shift: f64,
+    /// Whether the body has fallen in this load step.
+    pub(super) falls: bool,
     /// Whether a load step has failed, so that the next ones follow the series of the path.
     pub(super) follows_series: bool,
     /// Part of the load that the load step in progress is to add.
@@ -118,6 +120,7 @@ impl<'a> Run<'a> {
             unstable: None,
             slopes: Slopes::new(),
             shift: 0.0,
+            falls: false,
             follows_series: false,
             tried: 0.0,
             factorizations: 0,
@@ -359,6 +362,7 @@ impl<'a> Run<'a> {
             // The smallest step that failed is twice the one that was not tried any more.
             singular: self.slopes.singular_point(self.load, 4.0 * step),
             unstable: self.unstable,
+            falls: self.falls,
         };
         Equilibrium {
             energy: body.energy(&self.u),

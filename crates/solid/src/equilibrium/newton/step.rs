@@ -19,6 +19,10 @@ const FIRST_SHIFT: f64 = 1e-6;
 /// The same where conjugate gradients have met negative curvature, so that each further shift costs them a solve.
 const FIRST_LIFT: f64 = 1e-2;
 
+/// Further halvings of a step of a body that falls: anywhere on its way it comes down on what stops it, and it is to go no
+/// deeper there than a millionth of its size.
+const LANDING: usize = 24;
+
 /// Part of the descent that the slope promises which a step must keep (Armijo).
 const ARMIJO: f64 = 1e-4;
 
@@ -170,6 +174,7 @@ impl Run<'_> {
         load: f64,
         residual: &[f64],
         norm: f64,
+        is_fall: bool,
     ) -> Result<f64, Cut> {
         let (left, pressure) = (1.0 - load, &self.problem.pressure);
         let potential = |length: f64| {
@@ -188,7 +193,8 @@ impl Run<'_> {
             self.rounding.is_no_higher(value, bound, magnitude).then_some(())
         };
         let longest = self.contact.longest(u, step);
-        backtrack(longest, self.settings.max_backtracks, descends)
+        let further = if is_fall { LANDING } else { 0 };
+        backtrack(longest, self.settings.max_backtracks + further, descends)
             .map(|(length, ())| length)
             .ok_or(Cut::NoDescent { residual: norm })
     }

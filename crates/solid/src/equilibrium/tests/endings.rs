@@ -4,7 +4,14 @@ use super::*;
 use crate::equilibrium::ending::{Cut, Ending};
 
 fn stopped(cut: Cut) -> Ending {
-    Ending { load: 0.5, iterations: 40, cut: Some(cut), singular: None, unstable: None }
+    Ending {
+        load: 0.5,
+        iterations: 40,
+        cut: Some(cut),
+        singular: None,
+        unstable: None,
+        falls: false,
+    }
 }
 
 fn stalled(residual: f64) -> Ending {
@@ -79,4 +86,14 @@ fn a_step_out_of_all_proportion_is_not_told_in_forty_digits() {
     assert!(said(-1.3e38).contains("out of all proportion (J = -1.3e38 in cell 3)"));
     assert!(said(-0.25).contains("turns cell 3 inside out (J = -0.250)"));
     assert!(said(-0.25).ends_with("use NeoHookean"));
+}
+
+#[test]
+fn a_body_that_falls_is_sent_to_frames_with_inertia() {
+    let body = bulky(2.0);
+    let load = problem(&body, clamped(&body));
+    let said = Ending { falls: true, ..stalled(0.9) }.message(&load);
+    assert!(said.contains("next to nothing holds the body"), "{said}");
+    assert!(said.contains("dynamics='backward_euler'"), "{said}");
+    assert!(!stalled(0.9).message(&load).contains("nothing holds"));
 }
