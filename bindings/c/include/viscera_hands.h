@@ -79,8 +79,8 @@ typedef int32_t (*viscera_go_on)(void *context);
 int32_t viscera_sampling_init(const viscera_model *model, viscera_sampling *sampling);
 
 /* Makes the model of several touches, at the value that the model is set to now: factorises the tangent of the whole
- * organ. A model without cells, such as the web version, is refused. On failure *hands is null and `message`, which may
- * be null, says why in one sentence; so it is below. */
+ * organ. A model without cells, such as the web version, is refused, and so is one of an organ with elastic supports
+ * or bonds. On failure *hands is null and `message`, which may be null, says why in one sentence; so it is below. */
 int32_t viscera_hands_new(const viscera_model *model, const viscera_sampling *sampling, viscera_hands **hands,
                           char *message, size_t message_len);
 

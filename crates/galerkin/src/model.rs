@@ -57,7 +57,7 @@ fn check(model: &ReducedModel, sampling: &Sampling) -> Result<(), Error> {
     let metadata = model.metadata();
     if !model.arrays().tie_start.is_empty() {
         return Err(Error::input(
-            "several touches at once do not know elastic supports yet; touch with one finger, or fix nodes instead",
+            "several touches at once do not know elastic supports and bonds yet; touch with one finger, or fix nodes instead",
         ));
     }
     if !(1..=metadata.order).contains(&sampling.order) {
