@@ -13,6 +13,7 @@ from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
 from viscera.output import state as statefile
 from viscera.scans import grid
+from viscera.scans.itk import sitk
 from viscera.scans.labelmap import is_label_map
 
 
@@ -76,6 +77,6 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 
 def _fitting(image: Any) -> tuple[str, str]:
     """The interpolation that fits the values of an image, and why, with how to choose the other."""
-    if is_label_map(grid.sitk().GetArrayViewFromImage(image)):
+    if is_label_map(sitk().GetArrayViewFromImage(image)):
         return "nearest", ": it holds labels; otherwise say --interpolation linear"
     return "linear", ": it holds no labels; otherwise say --interpolation nearest"

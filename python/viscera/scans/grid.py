@@ -19,7 +19,8 @@ from viscera.errors import VisceraError
 from viscera.files.atomic import replacing, writable
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number, path_of, refused
-from viscera.scans.image import nifti_affine, unit_of, write_by_itk
+from viscera.scans.image import nifti_affine, unit_of
+from viscera.scans.itk import read_by_itk, sitk, write_by_itk
 from viscera.scans.scan import Scan
 
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
@@ -32,15 +33,6 @@ CHUNK = 1 << 20
 EIGHT = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8],
                   [4, 9, 8, 5]])  # fmt: skip
 """The eight linear cells that replace a quadratic one."""
-
-
-def sitk() -> Any:
-    """The library of images; raises `VisceraError` if it is not installed."""
-    try:
-        import SimpleITK
-    except ImportError:
-        raise VisceraError("images need the package SimpleITK: pip install SimpleITK") from None
-    return SimpleITK
 
 
 @dataclass(frozen=True)
@@ -306,7 +298,7 @@ def read(path: str | os.PathLike[str]) -> Any:
         raise VisceraError(f"{name}: no such image")
     affine = _affine_as_scans(name) if name.lower().endswith((".nii", ".nii.gz")) else None
     try:
-        image = sitk().ReadImage(name)
+        image = read_by_itk(Path(name))
     except RuntimeError as error:
         raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
     if image.GetDimension() != 3:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from viscera.errors import VisceraError
 from viscera.files.atomic import replacing
 from viscera.mesh import Floats
 from viscera.scans import nrrdspace
+from viscera.scans.itk import read_by_itk, sitk, write_by_itk
 
 FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
 WRITTEN = (".nii", ".nii.gz", ".nrrd", ".mha")
@@ -32,15 +32,14 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
             while values.ndim > 3 and values.shape[-1] == 1:
                 values = values[..., 0]
             return values, _affine(image), "RAS"
-        sitk = _library("SimpleITK")
-        image = sitk.ReadImage(str(path))
+        image = read_by_itk(path)
     except VisceraError:
         raise
     except Exception as error:  # the readers raise whatever their parsers meet
         reason = " ".join(str(error).split())[-200:]
         raise VisceraError(f"not a readable {ending} image ({reason})") from error
     n = image.GetDimension()
-    values = sitk.GetArrayFromImage(image)
+    values = sitk().GetArrayFromImage(image)
     is_vector = image.GetNumberOfComponentsPerPixel() > 1
     values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
     if n != 3:
@@ -154,36 +153,13 @@ def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> 
             # A scratch file keeps only the last ending, which would not be compressed.
             scratch.write_bytes(_compressed(image.to_bytes(), ending))
             return
-        sitk = _library("SimpleITK")
         affine = lps / MM
-        image = sitk.GetImageFromArray(values.transpose(2, 1, 0))
+        image = sitk().GetImageFromArray(values.transpose(2, 1, 0))
         spacing = np.linalg.norm(affine[:, :3], axis=0)
         image.SetSpacing(spacing.tolist())
         image.SetOrigin(affine[:, 3].tolist())
         image.SetDirection((affine[:, :3] / spacing).ravel().tolist())
         write_by_itk(image, scratch, ending)
-
-
-def write_by_itk(image: Any, scratch: Path, ending: str) -> None:
-    """Writes an image of SimpleITK in the format of the ending, whatever that of the scratch file.
-
-    Raises `OSError` of the scratch file unless it holds every voxel: on a full disk the library writes a part of some
-    formats and says nothing. What it wrote is therefore read again.
-    """
-    sitk = _library("SimpleITK")
-    # A scratch file keeps only the last ending. It stands once alone: ITK makes one `.nii` of two.
-    whole = scratch.with_name(scratch.stem + ending)
-    try:
-        sitk.WriteImage(image, str(whole), useCompression=True)
-        if sitk.Hash(sitk.ReadImage(str(whole))) != sitk.Hash(image):
-            raise OSError(errno.EIO, "not every voxel is in the file", str(scratch))
-        whole.replace(scratch)
-    except RuntimeError as error:
-        reason = str(error).strip().rpartition("\n")[2]
-        raise OSError(errno.EIO, f"SimpleITK: {reason}", str(scratch)) from error
-    finally:
-        if whole != scratch:
-            whole.unlink(missing_ok=True)
 
 
 def ending_of(path: Path, formats: tuple[str, ...] = FORMATS) -> str:
