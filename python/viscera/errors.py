@@ -44,6 +44,10 @@ class NotConverged(VisceraError):
         super().__init__(f"the solve did not converge: {state.message or state.status}")
         self.state = state
 
+    def __reduce__(self) -> tuple[type[NotConverged], tuple[State]]:
+        """Copied and pickled by its state: an exception is made again of its message otherwise, which is none."""
+        return type(self), (self.state,)
+
 
 @contextmanager
 def naming(where: str) -> Iterator[None]:

@@ -126,3 +126,28 @@ def test_a_tool_pickled_with_its_state_tells_its_force(bar: vs.Mesh) -> None:
     assert np.array_equal(again.force(tool), state.force(table))
     with pytest.raises(vs.VisceraError, match=r"take the tool pickled with it, as in \(state, tool\)"):
         again.force(table)
+
+
+@copies
+def test_a_failed_solve_travels_with_its_state(bar: vs.Mesh, again: Callable[[Any], Any]) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), "root")
+    with pytest.raises(vs.NotConverged) as failed:
+        organ.solve(force={"tip": (0, 0, -10.0)}, settings={"max_iterations": 1, "smallest_step": 1.0}, throw=True)
+    other: vs.NotConverged = again(failed.value)
+    assert type(other) is vs.NotConverged
+    assert str(other) == str(failed.value)
+    assert other.state.load == failed.value.state.load < 1.0
+    assert np.array_equal(other.state.displacement, failed.value.state.displacement)
+
+
+def _kinds(of: type[Exception]) -> list[type[Exception]]:
+    return [of, *(each for kind in of.__subclasses__() for each in _kinds(kind))]
+
+
+@copies
+def test_every_error_of_bad_input_travels(again: Callable[[Any], Any]) -> None:
+    kinds = [kind for kind in _kinds(vs.VisceraError) if kind is not vs.NotConverged]
+    assert {kind.__name__ for kind in kinds} >= {"VisceraError", "NotWritten", "Undetermined"}
+    for kind in kinds:
+        other = again(kind("young is -1"))
+        assert (type(other), str(other)) == (kind, "young is -1")
