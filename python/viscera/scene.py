@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -79,13 +80,13 @@ class Scene(Organ):
         bonds: Sequence[Bond | Spring] = (),
         contacts: Sequence[ContactPair] = (),
     ) -> None:
-        self.organs = _checked(organs)
+        self.organs: Final[Mapping[str, Organ]] = MappingProxyType(_checked(organs))
         """The organs by name."""
         given_bonds = _list_of(bonds, "bonds", "Bond and Spring, such as [Bond('liver', 'gallbladder')]")
         given_contacts = _list_of(contacts, "contacts", "ContactPair, such as [ContactPair('liver', 'stomach')]")
-        self.bonds: tuple[Bond | Spring, ...] = _origins(given_bonds)
+        self.bonds: Final[tuple[Bond | Spring, ...]] = _origins(given_bonds)
         """The bonds."""
-        self.contacts: tuple[ContactPair, ...] = _origins(given_contacts)
+        self.contacts: Final[tuple[ContactPair, ...]] = _origins(given_contacts)
         """The contact pairs."""
         bodies = _list_of(bodies, "bodies", "tools and shapes, such as [Tool(HalfSpace())]")
         first = next(iter(self.organs.values()))
@@ -114,7 +115,7 @@ class Scene(Organ):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: the organs are joined again."""
-        return Scene, (self.organs, self._bodies, *self._joined)
+        return Scene, (dict(self.organs), self._bodies, *self._joined)
 
     def with_law(self, law: laws.Law | Mapping[Any, laws.Law]) -> Scene:
         """The same scene with another law in all organs, or with laws by place; bonds are as stiff as it asks for.

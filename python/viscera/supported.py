@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from viscera.boundary.ties import Tied, joined
 from viscera.contact.tool import Tool
 from viscera.display import Pictured
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.law import Law, Several
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Choice, refused
@@ -35,8 +36,13 @@ NARROW = 0.5
 """Radius of a contact over the mean edge of the surface, below which every patch is a node or a triangle's corners."""
 
 
-class Supported(Pictured):
+class Supported(Immutable, Pictured):
     """A mesh with its law, its element and its supports; `Organ` says what its arguments are."""
+
+    _others: ClassVar[Mapping[str, str]] = {
+        "law": "with_law(...) gives the same with another law",
+        "mesh": "with_mesh(...) gives the same in another shape",
+    }
 
     def __init__(
         self,
@@ -56,20 +62,20 @@ class Supported(Pictured):
         rows = len(law.parameters)
         if rows not in {1, len(mesh.cells)}:
             raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
-        self.element = _element(element, law)
+        self.element: Final = _element(element, law)
         """Name of the element."""
         self._chosen_element = element
         """None if it was left to the law."""
-        self.mesh = mesh.quadratic() if self.element == "P2" else mesh.linear()
+        self.mesh: Final = mesh.quadratic() if self.element == "P2" else mesh.linear()
         """The mesh with the nodes of the element."""
-        self.law = law
-        self.supports = supports_of(supports)
+        self.law: Final = law
+        self.supports: Final = supports_of(supports)
         """Elastic supports."""
         self._bodies: list[Tool] = []
         self._tied = [support.ties(self.mesh) for support in self.supports]
         self._ties = joined(self._tied)
         self._contact_pairs = [each for each, ties in zip(self.supports, self._tied, strict=True) if ties.surfaces]
-        self.fixed = fixed_nodes(self.mesh, fixed)
+        self.fixed: Final = fixed_nodes(self.mesh, fixed)
         """Indices (k,) of the fixed nodes."""
         corners = self.mesh.points[: self.mesh.n_corners]
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element, self._ties.core)

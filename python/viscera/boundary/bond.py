@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from viscera.boundary.elastic_support import LINEAR, QUADRATIC, areas_and_normal
 from viscera.boundary.loads import name_of
 from viscera.boundary.ties import Ties
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Flag, Number, refused
 from viscera.select import length
@@ -42,7 +43,7 @@ class Pieces:
     """(p,) area over that of the face of the first surface."""
 
 
-class Bond:
+class Bond(Immutable):
     """Two surfaces that hold together wherever they lie on each other at rest; their meshes need not match.
 
     The jump `[u]` of the displacement is tied by `k [u]` per area, with `k = stiffness E / (1 - nu^2) / h` of the
@@ -69,11 +70,13 @@ class Bond:
         stiffness: float = STIFFNESS,
         reach: float | str = "1%",
     ) -> None:
-        self.first, self.second = side_of(first, "a bond"), side_of(second, "a bond")
-        """Pairs of a name and a place; the place is None for the whole surface."""
-        self.sliding = Flag()(sliding, "sliding")
-        self.stiffness = FACTOR(stiffness, "the stiffness of a bond")
-        self.reach = reach
+        self.first: Final = side_of(first, "a bond")
+        """Name and place; the place is None for the whole surface."""
+        self.second: Final = side_of(second, "a bond")
+        """The same of the other side."""
+        self.sliding: Final = Flag()(sliding, "sliding")
+        self.stiffness: Final = FACTOR(stiffness, "the stiffness of a bond")
+        self.reach: Final = reach
         self._reach(1.0)  # its sign and its words, before there are organs
 
     def __repr__(self) -> str:

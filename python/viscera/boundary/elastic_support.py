@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from viscera.boundary import ties
 from viscera.boundary.loads import faces_within, name_of
 from viscera.boundary.ties import Ties
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.mesh import Floats, Mesh, Where
 from viscera.quantity import Number
 
@@ -26,7 +27,7 @@ QUADRATIC = (
 """The rule of fourth degree with six points (Dunavant 1985): exact for products of quadratic functions."""
 
 
-class ElasticSupport:
+class ElasticSupport(Immutable):
     """Springs spread over the surface of a place, a Winkler foundation: fat, a ligament's broad base, a bed.
 
     The force per area at rest is `-k_n n (n . u) - k_t (u - n (n . u))`, where u is the displacement from rest and n
@@ -46,10 +47,10 @@ class ElasticSupport:
     """
 
     def __init__(self, where: Where, stiffness: float, tangential: float | None = None) -> None:
-        self.where = where
-        self.stiffness = STIFFNESS(stiffness, "the stiffness of an elastic support")
+        self.where: Final = where
+        self.stiffness: Final = STIFFNESS(stiffness, "the stiffness of an elastic support")
         given = self.stiffness if tangential is None else tangential
-        self.tangential = TANGENTIAL(given, "the tangential stiffness of an elastic support")
+        self.tangential: Final = TANGENTIAL(given, "the tangential stiffness of an elastic support")
         self._first: ElasticSupport = self
 
     def __repr__(self) -> str:

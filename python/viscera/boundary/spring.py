@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,6 +11,7 @@ from viscera import _core
 from viscera.boundary.loads import Where, name_of, shares_of
 from viscera.boundary.ties import NONE, Link, Ties
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.mesh import Mesh
 from viscera.quantity import Flag, Number, brief, vector
 from viscera.select import length as length_of
@@ -19,7 +22,7 @@ COINCIDENT = 1e-9
 """Distance of two ends over the diagonal of the mesh below which they are in one place."""
 
 
-class Spring:
+class Spring(Immutable):
     """A spring between the means of two places, or from a place to a point in space: a ligament, a thread.
 
     With the length l between its ends, its energy is `k (l - l_0)^2 / 2`. Its force is spread over each place as a
@@ -56,12 +59,13 @@ class Spring:
             raise VisceraError(
                 "a spring ends at a second place or at a point in space: give one of `second` and `point`"
             )
-        self.first, self.second = first, second
-        self.point = None if point is None else vector(point, "the point of a spring", "m")
-        self.stiffness = STIFFNESS(stiffness, "the stiffness of a spring")
-        self.length = length
+        self.first: Final = first
+        self.second: Final = second
+        self.point: Final = None if point is None else vector(point, "the point of a spring", "m")
+        self.stiffness: Final = STIFFNESS(stiffness, "the stiffness of a spring")
+        self.length: Final = length
         self._metres(1.0)  # refused here, although it takes a mesh to tell how long it is
-        self.cable = Flag()(cable, "cable")
+        self.cable: Final = Flag()(cable, "cable")
         self._first: Spring = self
 
     def __repr__(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from viscera.boundary.loads import name_of
 from viscera.boundary.ties import NONE, Surfaces, Ties
 from viscera.contact.tool import BONDED, FRICTION, STIFFNESS
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.mesh import Indices, Mesh, Where
 from viscera.quantity import Number
 
@@ -23,7 +24,7 @@ SHALLOW = 1e-4
 """Depth in another organ that is rounding, over the diagonal of both, as in `crates/solid/src/contact/pair.rs`."""
 
 
-class ContactPair:
+class ContactPair(Immutable):
     """Two organs, or two places of their surfaces, that press on each other, slide, and part again; or one on itself.
 
     Both places may be of one organ: lobes that fold onto each other, walls of a vessel that collapses. The layer
@@ -62,15 +63,15 @@ class ContactPair:
         stiffness: float = STIFFNESS,
         friction: float = 0.0,
     ) -> None:
-        self.first = side_of(first, "a contact pair")
+        self.first: Final = side_of(first, "a contact pair")
         """Name and place; the place is None for the whole surface."""
-        self.second = None if second is None else side_of(second, "a contact pair")
+        self.second: Final = None if second is None else side_of(second, "a contact pair")
         """The same of the other side; None for a surface that touches itself."""
-        self.reach = reach if reach is not None else OWN_REACH if second is None else REACH
-        self.stiffness = FACTOR(stiffness, "the stiffness of a contact pair")
+        self.reach: Final = reach if reach is not None else OWN_REACH if second is None else REACH
+        self.stiffness: Final = FACTOR(stiffness, "the stiffness of a contact pair")
         if isinstance(friction, str) and friction == BONDED:
             raise VisceraError("the friction of a contact pair is a coefficient; where organs stick, take a Bond")
-        self.friction = FRICTION(friction, "the friction of a contact pair")
+        self.friction: Final = FRICTION(friction, "the friction of a contact pair")
 
     def __repr__(self) -> str:
         words = [name if where is None else f"{name} at {name_of(where)}" for name, where in self.sides]

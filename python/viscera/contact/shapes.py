@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import numbers_of, refused
 from viscera.select import Lengths, length_in_space
 
 
-class _Compiled:
+class _Compiled(Immutable):
     """A shape with its compiled form `_core`; all else that it holds is what it was made of, in that order."""
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -31,7 +32,7 @@ class Sphere(_Compiled):
     """
 
     def __init__(self, radius: float | str) -> None:
-        self.radius = _positive(radius, "the radius of a sphere")
+        self.radius: Final = _positive(radius, "the radius of a sphere")
         self._core = _core.Shape.rounded((0.0, 0.0, 0.0), self.radius)
 
     def __repr__(self) -> str:
@@ -47,8 +48,8 @@ class Capsule(_Compiled):
     """
 
     def __init__(self, radius: float | str, length: float | str) -> None:
-        self.radius = _positive(radius, "the radius of a capsule")
-        self.length = _positive(length, "the length of a capsule")
+        self.radius: Final = _positive(radius, "the radius of a capsule")
+        self.length: Final = _positive(length, "the length of a capsule")
         self._core = _core.Shape.rounded((0.0, 0.0, 0.5 * self.length), self.radius)
 
     def __repr__(self) -> str:
@@ -67,8 +68,8 @@ class Box(_Compiled):
         given = [sides] * 3 if isinstance(sides, str | int | float) else list(np.asarray(sides, dtype=object).ravel())
         if len(given) != 3:
             raise refused("the sides of a box", "three lengths [m]", sides)
-        self.sides = tuple(_positive(side, "a side of a box") for side in given)
-        self.rounding = length_in_space(rounding, "the rounding of a box")
+        self.sides: Final = tuple(_positive(side, "a side of a box") for side in given)
+        self.rounding: Final = length_in_space(rounding, "the rounding of a box")
         half = [0.5 * side - self.rounding for side in self.sides]
         if self.rounding < 0.0 or min(half) < 0.0:
             raise VisceraError(
@@ -123,7 +124,9 @@ class Shape(_Compiled):
         if triangles.max() >= len(points):
             raise VisceraError(f"a triangle of the shape uses point {triangles.max():g}; it has {len(points)} points")
         used, renumbered = np.unique(triangles.astype(np.uint32), return_inverse=True)
-        self.surface: tuple[Floats, Indices] = points[used], renumbered.reshape(-1, 3).astype(np.uint32)
+        corners, faces = points[used], renumbered.reshape(-1, 3).astype(np.uint32)
+        corners.flags.writeable = faces.flags.writeable = False
+        self.surface: Final[tuple[Floats, Indices]] = corners, faces
         """Points (n, 3) [m] and triangles (t, 3) of the surface, in axes of the tool."""
         self._core = _core.Shape.solid(*self.surface)
 

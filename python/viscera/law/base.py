@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.mesh import Floats
 from viscera.quantity import numbers_of, refused
 
@@ -20,7 +21,7 @@ ROWS: dict[str, dict[str, Any]] = {row["name"]: row for row in _core.laws()}
 """What the core knows of each law, by its name there: parameters with meaning, kind, unit, bounds and default."""
 
 
-class Law:
+class Law(Immutable):
     """A constitutive law: an energy known to the core by name, and its parameters.
 
     `parameters` has one row for all cells or one row per cell, in the columns that the core expects.
@@ -40,8 +41,10 @@ class Law:
             )
 
     def __init__(self, name: str, parameters: Floats) -> None:
-        self.name = name
-        self.parameters = parameters
+        self.name: Final = name
+        """Its name in the core."""
+        self.parameters: Final = parameters
+        """(1, p) or (m, p), read-only."""
 
     @classmethod
     def _of_columns(cls, name: str, columns: Floats) -> Law:

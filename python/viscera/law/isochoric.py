@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,7 +51,7 @@ class MooneyRivlin(Law):
         require("MooneyRivlin", "c1 + c2", first + second, first + second > 0.0, "must be positive [Pa]")
         require("MooneyRivlin", "the bulk modulus", bulk, bulk > 0.0, "must be positive [Pa]")
         super().__init__(f"mooney_rivlin {volumetric}", np.column_stack([first, second, bulk]))
-        self.volumetric = volumetric
+        self.volumetric: Final = volumetric
 
     @classmethod
     def _of_columns(cls, name: str, columns: Floats) -> Law:
