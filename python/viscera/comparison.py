@@ -82,7 +82,7 @@ class Run:
     difference: Difference | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison(Pictured, Tabled):
     """The models on one case, in the order of `models`."""
 

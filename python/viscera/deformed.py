@@ -337,7 +337,7 @@ class Moved(Deformed):
         return self.organ, self.displacement
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointValues:
     """Displacement, stress and strain at k points of a deformed organ.
 

@@ -31,7 +31,7 @@ PATIENCE = 15  # iterations in which the error must at least halve
 SMALLEST_STEP = 1.0 / 16.0  # of the load, before the search is given up
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Unloaded:
     """An organ without the loads of its scan, or the last iterate of a search that failed.
 

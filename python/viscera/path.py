@@ -24,7 +24,7 @@ PARAMETER = Number()
 """Of an expansion: a finite number, within its range."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Expansion:
     """One section of a path: u(a) = sum_p a^p u_p, and a series of the load, for 0 <= a <= range."""
 
@@ -52,7 +52,7 @@ class Expansion:
         return float(value[-1]), value[:-1].reshape(self.displacement.shape[1:])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Path:
     """The expansions of a path, in order; each starts where the one before it ends."""
 

@@ -41,7 +41,7 @@ Place = int | np.integer[Any] | ArrayLike
 """Where the load acts: a node among the positions, or a point (3,) [m] of the surface that the positions span."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Order:
     """One term u_p(x, s) = sum_i F_i(x) G_i(s) of the series."""
 

@@ -28,7 +28,7 @@ NEAR, FAR = (5.0 + 3.0 * 5.0**0.5) / 20.0, (5.0 - 5.0**0.5) / 20.0
 """Barycentric coordinates of the four quadrature points of a quadratic cell."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Response:
     """What the law answers at q quadrature points, of equal weight, in each of m cells."""
 

@@ -16,7 +16,7 @@ STRETCH = 0.25
 STEPS = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """A cube, clamped at x = 0; its opposite side moves by `stretch` [m] along x in `steps` equal load steps.
 

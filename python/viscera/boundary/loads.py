@@ -41,7 +41,7 @@ LIGHT = 100.0
 """Density [kg/m^3] below which it was most likely given in another unit; an inflated lung has 260."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prescribed:
     """Prescribed displacements: single components of nodes, and weighted means over patches."""
 

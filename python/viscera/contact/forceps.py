@@ -29,7 +29,7 @@ CAUTION = 0.7
 """Part of the step that the last stiffness suggests: tissue stiffens as it is squeezed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JawForces:
     """What forceps did in a frame: force (3,) [N] and torque (3,) [N m] about the origin on the organ, the force [N]
     with which the jaws press the tissue between them, and their opening [m]; whether the frame has settled."""

@@ -114,7 +114,7 @@ class Tool:
         return self.shape._core, friction, self.stiffness, rows, *places
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contact:
     """Forces between a tool and the organ, and the state of the contact.
 

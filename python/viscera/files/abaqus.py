@@ -40,7 +40,7 @@ class Block:
         return [word for row in self.rows for word in row if word]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Elements:
     """Elements of one type: their numbers (m,), and those of their nodes (m, nodes of the kind)."""
 

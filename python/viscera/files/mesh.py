@@ -53,7 +53,7 @@ VTK_SAFE = "".join(letter for letter in map(chr, range(33, 127)) if letter not i
 MAX_SETS_PER_ARRAY = 64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RawMesh:
     """The contents of a file, unchecked: points (n, 3) [m], cells (m, 4), sets of nodes and of cells by name."""
 

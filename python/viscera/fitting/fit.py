@@ -39,7 +39,7 @@ class Undetermined(VisceraError):
     """The tests do not determine the parameters of this law; they may determine those of another."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """A law fitted to material tests.
 

@@ -17,7 +17,7 @@ from viscera.mesh import Floats
 SMALLEST_STRETCH = 0.05
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True, init=False, eq=False)
 class MaterialTest:
     """One measured curve.
 

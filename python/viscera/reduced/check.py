@@ -77,7 +77,7 @@ class Summary:
     median_trusted: dict[str, float | None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Check(Tabled):
     """All rows, and their summary by depth."""
 

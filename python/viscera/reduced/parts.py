@@ -14,7 +14,7 @@ from viscera import _core
 from viscera.mesh import Floats, Indices, Mesh
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Target:
     """How far a touch moves a part of the organ."""
 

@@ -91,7 +91,7 @@ class Causes:
         return np.pad(pulls, ((0, 3), (0, 0), (0, 0)))
 
 
-@dataclass
+@dataclass(eq=False)
 class _Weighed:
     """Causes of one kind and size, beside small forces of one size."""
 

@@ -38,7 +38,7 @@ DOUBT, SURE, CALMER = 50.0, 4.0, 4.0
 """Factors on the variance of the noise with the first tangent, at last, and from one tangent to the next."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Iterate:
     """Where a fit is."""
 

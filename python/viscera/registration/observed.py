@@ -31,7 +31,7 @@ LINE = 1e-3
 """Width over length up to which what was measured lies on a line."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observed:
     """Places in space [m], in the axes of the intervention."""
 

@@ -52,7 +52,7 @@ STEERED = 12
 """Motions in which the organ is held."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Tangent:
     """A state near equilibrium, and what small changes of the amplitudes make of it."""
 

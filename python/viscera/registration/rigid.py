@@ -24,7 +24,7 @@ FAR = 0.1  # of the diagonal from the organ, a point is not its own
 TUKEY = 4.685  # residuals beyond so many standard deviations count as outliers; Beaton and Tukey (1974)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rigid:
     """x -> rotation x + translation."""
 

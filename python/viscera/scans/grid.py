@@ -35,7 +35,7 @@ EIGHT = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9,
 """The eight linear cells that replace a quadratic one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Where the voxels of an image are: index (i, j, k) at `origin + matrix @ index`."""
 
@@ -107,7 +107,7 @@ def axes_of(mesh: Mesh, axes: str | None) -> str:
     return axes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Field:
     """A displacement at the voxels of a part of an image: the box around the organ."""
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from viscera.organ import Organ
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Frame(Deformed, Pictured):
     """The organ after one frame, and what the frame did.
 

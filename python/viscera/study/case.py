@@ -29,7 +29,7 @@ RADIUS = 0.5
 """Load factor at which the series of a case ceases to converge. The paper gives no loads; this defines a = 1."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
     """An organ with one law, the positions of its separated series, and the position of the curves."""
 

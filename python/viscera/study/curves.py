@@ -28,7 +28,7 @@ ALARM = "#b00020"
 REDS = ("#f3cfb3", "#eeb48f", "#e5946d", "#d66f50", "#bf4a41", "#97303c", "#651c38", "#360f24")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Curves:
     """Equilibria of one case by several methods, at load factors up to 1."""
 

@@ -40,7 +40,7 @@ SETTLED = 1e-9
 DOWN = (0.0, 0.0, -GRAVITY)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measured:
     """One run: displacement of the markers from held to hanging, and the swing of the top marker between."""
 
@@ -182,7 +182,7 @@ STEADY = 0.01
 HALF_PERIODS = 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Told:
     """The swing of the model."""
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from viscera.mesh import Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """What a code found, and what it took."""
 
