@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import defaults, navigation
+from viscera.boundary.holding import AT_REST, BY_NODES
 from viscera.boundary.loads import Density, Displacements, Forces, Pressures, Tractions, are_pairs, by_place
 from viscera.boundary.ties import Tied
 from viscera.deformed import Moved
@@ -195,6 +196,7 @@ class Organ(Statics, Reducible):
         >>> f"{1e3 * rest.from_scan(turned).max_displacement:.0f} mm"
         '41 mm'
         """
+        self._require_held(AT_REST)
         placed = {"force": force, "traction": traction, "pressure": pressure}
         placed = {name: by_place(load, name) if are_pairs(load) else load for name, load in placed.items()}
         loads = {"gravity": gravity, "density": density, **placed}
@@ -246,12 +248,8 @@ class Organ(Statics, Reducible):
         """
         from viscera import registration
 
-        self._require_held()
-        if self.supports:
-            raise VisceraError(
-                "an organ with elastic supports cannot be registered yet: the springs would have to move with it; "
-                "register it with fixed nodes"
-            )
+        self._refuse_ties()
+        self._require_held(BY_NODES)
         deviation = self._length("noise", noise)
         other = deviation if landmark_noise is None else self._length("landmark_noise", landmark_noise)
         seen = registration.observed(self.mesh, surface, weights, landmarks, points, deviation, other)
@@ -271,6 +269,14 @@ class Organ(Statics, Reducible):
             motion,
             progress,
         )
+
+    def _refuse_ties(self) -> None:
+        """Raise `VisceraError` for what a registration does not know."""
+        if self.supports:
+            raise VisceraError(
+                "an organ with elastic supports cannot be registered yet: the springs would have to move with it; "
+                "register it with fixed nodes"
+            )
 
     def to_case(
         self,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from viscera import _core, defaults, gpu
+from viscera.boundary.holding import AT_REST
 from viscera.errors import VisceraError
 from viscera.law import StrainEnergy
 from viscera.mesh import Floats, Indices, Where
@@ -103,7 +104,7 @@ class Reducible(Supported):
         nodes = self.touchable(touchable, radius)
         narrowest = vary.low if vary is not None and vary.name == "radius" else radius
         self._warn_if_narrow(float(narrowest), nodes)
-        self._require_held()
+        self._require_held(AT_REST)
         organ, family = (self._organ, None) if vary is None else vary.family(self._organ, radius)
         if start is not None and organ.element != self.element:
             raise VisceraError(
@@ -214,7 +215,7 @@ class Reducible(Supported):
         max_iterations = Whole(1, 10_000)(max_iterations, "max_iterations")
         load, stagnation = Number("N")(load, "load"), TOLERANCE(stagnation, "stagnation")
         radius = length(radius, self.mesh.diagonal, "radius")
-        self._require_held()
+        self._require_held(AT_REST)
         rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
         return separate(
             self._organ,

@@ -163,6 +163,15 @@ class Scene(Organ):
             return joint.on(self.mesh)
         return next(held for held in self.supports if isinstance(held, Placed) and held.origin is joint)
 
+    def _refuse_ties(self) -> None:
+        if joined := [*self.bonds, *self.contacts]:
+            raise VisceraError(
+                "a scene with bonds, springs or contact pairs cannot be registered yet, and this one has "
+                f"{joined[0]!r}; register an organ by itself, with fixed nodes, such as "
+                f"scene.organ({next(iter(self.organs))!r}).register(...)"
+            )
+        super()._refuse_ties()
+
     def __repr__(self) -> str:
         words = [f"{name}: {len(organ.mesh.points)} points" for name, organ in self.organs.items()]
         rest = [f"{len(self._bodies)} bodies", f"{len(self.bonds)} bonds"]

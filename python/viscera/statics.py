@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import gpu
+from viscera.boundary.holding import AT_REST, IN_SOLVE
 from viscera.boundary.loads import (
     Density,
     Displacements,
@@ -95,7 +96,7 @@ class Statics(Supported):
         """
         steps, begin = STEPS(steps, "steps"), displacement_of(start, self.mesh)
         moved = prescribed(self.mesh, self.fixed, displacement)
-        self._require_held(moved.dofs, [patch for patch, _ in moved.patches])
+        self._require_held(IN_SOLVE, moved.dofs, [patch for patch, _ in moved.patches])
         applied, pressed, pressures, weight = self._loads(force, traction, pressure, gravity, density)
         means = [mean for _, mean in moved.patches]
         tools = [*tools_of(contact, self._bodies), *self._bodies]
@@ -164,7 +165,7 @@ class Statics(Supported):
         tolerance = TOLERANCE(tolerance, "tolerance")
         max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")
         self._require_linear_ties()
-        self._require_held()
+        self._require_held(AT_REST)
         applied, pressed, pressures, _ = self._loads(force, traction, pressure)
         expansions = self._body.path(
             force=applied,

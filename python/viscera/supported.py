@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 
 from viscera import _core, defaults
+from viscera.boundary.holding import Holding
 from viscera.boundary.support import fixed_nodes, require_held, supports_of
 from viscera.boundary.ties import Tied, joined
 from viscera.contact.tool import Tool
@@ -81,10 +82,10 @@ class Supported(Immutable, Pictured):
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element, self._ties.core)
         self._narrow: set[float] = set()  # radii of contacts that were warned of
 
-    def _require_held(self, dofs: Indices = NO_DOFS, patches: Sequence[_core.Patch] = ()) -> None:
+    def _require_held(self, holding: Holding, dofs: Indices = NO_DOFS, patches: Sequence[_core.Patch] = ()) -> None:
         """Raise `VisceraError` if a part can still move rigidly, where degrees of freedom `dofs` (k,), 3 * node +
-        component, and means of patches are prescribed."""
-        require_held(self.mesh, self.fixed, dofs, patches, self._ties, self._name_of)
+        component, and means of patches are prescribed. holding: what may hold it where it is asked for."""
+        require_held(self.mesh, self.fixed, dofs, patches, holding, self._ties, self._name_of)
 
     def _name_of(self, node: int) -> str:
         """What an error calls a node."""

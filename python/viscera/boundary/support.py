@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera import _core
+from viscera.boundary.holding import Holding
 from viscera.boundary.ties import NONE, Link, Tied, Ties
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, Where
@@ -48,17 +49,18 @@ def require_held(
     fixed: Indices,
     dofs: Indices,
     patches: Sequence[_core.Patch],
+    holding: Holding,
     ties: Ties = NONE,
     name: Callable[[int], str] = "node {}".format,
 ) -> None:
     """Raise `VisceraError` if a part can still move rigidly.
 
-    fixed: node indices; dofs (k,): prescribed degrees of freedom 3 * node + component; patches: prescribed means; ties:
-    elastic supports and bonds; name: what an error calls a node.
+    fixed: node indices; dofs (k,): prescribed degrees of freedom 3 * node + component; patches: prescribed means;
+    holding: what an error advises; ties: elastic supports and bonds; name: what an error calls a node.
     """
     linked = np.array([node for link in ties.links for node, _ in link.ends], dtype=np.uint32)
     means = [patch.nodes for patch in patches]
-    _refuse_loose(mesh, np.concatenate([fixed, dofs // 3, ties.nodes, linked, *means]).astype(np.int64), name)
+    _refuse_loose(mesh, np.concatenate([fixed, dofs // 3, ties.nodes, linked, *means]).astype(np.int64), holding, name)
     parts = _Parts(mesh)
     held = np.concatenate([(3 * fixed[:, None].astype(np.int64) + np.arange(3)).ravel(), dofs.astype(np.int64)])
     for labels in parts.bodies(ties):
@@ -85,23 +87,19 @@ def require_held(
                 raise VisceraError(parts.loose(label, count, name))
 
 
-def _refuse_loose(mesh: Mesh, holding: NDArray[np.int64], name: Callable[[int], str]) -> None:
+def _refuse_loose(mesh: Mesh, held: NDArray[np.int64], holding: Holding, name: Callable[[int], str]) -> None:
     """Raise `VisceraError` if a part has none of the nodes (k,) at which something holds the mesh."""
-    if not len(holding):
-        raise VisceraError(
-            "nothing is fixed: the organ would float away; fix a node set, indices or a predicate, prescribe "
-            "displacements, give it elastic supports, or bond it in a scene to an organ that is held; if contact alone "
-            "holds it, give it a support too weak to matter, such as ElasticSupport('x > -1%', 1e-3)"
-        )
+    if not len(held):
+        raise VisceraError(f"nothing is fixed: the organ would float away; hold it by {holding.means}; {holding.hint}")
     body = np.array(mesh.facts["body"], dtype=np.int64)
     body[mesh.n_corners :] = body[mesh.edges[:, 0]]
-    loose = np.setdiff1d(body, body[holding])
+    loose = np.setdiff1d(body, body[held])
     if len(loose):
         nodes = np.flatnonzero(body == loose[0])
         raise VisceraError(
             f"{len(loose)} of the mesh's {body.max() + 1} disconnected parts have no fixed node nor support, the first "
-            f"with {len(nodes)} nodes ({name(int(nodes[0]))} among them); hold every part, by fixed nodes, elastic "
-            "supports or bonds of a scene, or remove the loose ones"
+            f"with {len(nodes)} nodes ({name(int(nodes[0]))} among them); hold every part, by "
+            f"{holding.means}, or remove the loose ones"
         )
 
 

@@ -58,6 +58,7 @@ import numpy as np
 
 from viscera import law, organs
 from viscera.boundary.elastic_support import ElasticSupport
+from viscera.boundary.holding import AT_REST
 from viscera.cases import material_schema, schema
 from viscera.errors import VisceraError, did_you_mean, naming
 from viscera.fibres import helical_fibres
@@ -303,6 +304,7 @@ class Case(Solvable):
                     organ.mesh.cells_in(vary["part"])
         with naming("[reduce]"):
             organ._sizes(*(options.get(name) for name in ("radius", "depth", "vary")))
+        organ._require_held(AT_REST)
         return options
 
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core, gpu
+from viscera.boundary.holding import IN_FRAMES
 from viscera.boundary.loads import (
     Density,
     Displacements,
@@ -318,7 +319,7 @@ class Stepper:
 
     def _hold(self, motion: PrescribedMotion) -> None:
         if not self._may_float:
-            self._organ._require_held(motion.dofs, motion.patches)
+            self._organ._require_held(IN_FRAMES, motion.dofs, motion.patches)
         self._core.grasp(motion.dofs, motion.patches)
 
     def _divided(self, reactions: Floats) -> Floats:

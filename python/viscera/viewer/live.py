@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
+from viscera.boundary.holding import BY_NODES
 from viscera.boundary.loads import density_per_cell
 from viscera.cases.case import PLACED, Case
 from viscera.cases.scene_case import SceneCase
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, naming
 from viscera.organ import Organ
 from viscera.quantity import refused
 from viscera.reduced.touch import Touch
@@ -78,14 +79,10 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
     require_one_organ(case)
     if not isinstance(case, Case):
         raise refused("what a page steps", "a case of one organ, as viscera.case reads it", case)
-    case.require_unloaded("view")
-    organ = case.organ()
-    if organ.supports:
-        raise VisceraError(
-            "an organ with elastic supports cannot be stepped in a page yet; fix nodes instead, or `viscera reduce` it "
-            "and view the model"
-        )
-    organ._require_held()
+    with naming(case.file):
+        case.require_unloaded("view")
+        organ = case.organ()
+        _require_steppable(organ)
     return _packed(
         organ,
         name,
@@ -95,6 +92,16 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
         gravity=case.loads.get("gravity") or NOWHERE,
         left_out=left_out(case),
     )
+
+
+def _require_steppable(organ: Organ) -> None:
+    """Raise `VisceraError` for an organ that a page does not step."""
+    if organ.supports:
+        raise VisceraError(
+            "an organ with elastic supports cannot be stepped in a page yet; fix nodes instead, or `viscera reduce` it "
+            "and view the model"
+        )
+    organ._require_held(BY_NODES)
 
 
 def left_out(case: Case | SceneCase) -> list[str]:

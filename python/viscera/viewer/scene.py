@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from viscera.boundary.holding import AT_REST
 from viscera.boundary.loads import Density
 from viscera.cases.scene_case import SceneCase
+from viscera.errors import naming
 from viscera.scene import Scene
 from viscera.stepping.stepper import Stepper
 from viscera.viewer.live import DENSITY, NOWHERE, Reply, left_out
@@ -45,5 +47,7 @@ def live_scene(case: SceneCase, name: str) -> LiveScene:
     """The scene of a case under a name to show; raises `VisceraError` if it cannot be made or stepped."""
     density, gravity = case.loads.get("density") or DENSITY, case.loads.get("gravity") or NOWHERE
     live = LiveScene(case.organ(), name, density, gravity, left_out(case))
-    live.stepper()  # what no page could be given, such as a body inside an organ, is refused here
+    with naming(case.file):
+        live.scene._require_held(AT_REST)
+        live.stepper()  # what no page could be given, such as a body inside an organ, is refused here
     return live

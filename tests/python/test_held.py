@@ -1,0 +1,106 @@
+"""What is said of an organ that floats: each computation advises what may hold an organ in it, and nothing else."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.viewer.live import live_case
+from viscera.viewer.scene import live_scene
+
+LAW = vs.NeoHookean(young=1e5, poisson=0.3)
+ALONE = "prescribed displacements hold it in a solve alone"
+AT_REST = (
+    "nothing is fixed: the organ would float away; hold it by fixed nodes, elastic supports (in a case file `fixed` or "
+    f"`supports`), or bonds of a scene; {ALONE}"
+)
+BY_NODES = (
+    "nothing is fixed: the organ would float away; hold it by fixed nodes (in a case file `fixed`); "
+    f"{ALONE}, and elastic supports do not count here yet"
+)
+IN_FRAMES = "hold it by fixed nodes, hands, elastic supports, or bonds of a scene; with inertia it may be free: "
+IN_SOLVE = "hold it by fixed nodes, prescribed displacements, elastic supports, or bonds of a scene; if contact alone"
+HELD = {"root": (0, 0, 0), "tip": (None, None, "-1 mm")}
+WEIGHT: dict[str, Any] = {"gravity": (0, 0, -1.0), "density": 1000.0}
+
+
+@pytest.fixture
+def floating(bar: vs.Mesh) -> vs.Organ:
+    return vs.Organ(bar.with_sets(tip="x > 99%"), LAW)
+
+
+@pytest.mark.parametrize(
+    ("floats", "said"),
+    [
+        (lambda organ: organ.solve(**WEIGHT), IN_SOLVE),
+        (lambda organ: organ.path(force={"tip": (0, 0, -1.0)}), AT_REST),
+        (lambda organ: organ.reduce("tip"), AT_REST),
+        (lambda organ: organ.pgd("tip", load=1.0), AT_REST),
+        (lambda organ: organ.unloaded(**WEIGHT), AT_REST),
+        (lambda organ: organ.register(points=(organ.mesh.points, organ.mesh.points)), BY_NODES),
+        (lambda organ: organ.stepper(), IN_FRAMES),
+    ],
+    ids=["solve", "path", "reduce", "pgd", "unloaded", "register", "stepper"],
+)
+def test_the_advice_is_open_to_who_asks(floating: vs.Organ, floats: Callable[[vs.Organ], object], said: str) -> None:
+    with pytest.raises(vs.VisceraError, match=re.escape(said)):
+        floats(floating)
+
+
+def test_supports_do_where_they_are_advised(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, LAW, supports=[vs.ElasticSupport("root", stiffness=1e7)])
+    assert organ.path(force={"x > 99%": (0, 0, -0.1)}, order=3).expansions
+    assert organ.unloaded(**WEIGHT).is_converged
+    assert organ.pgd("x > 99%", load=0.1, order=1)
+
+
+def test_a_frame_says_so_when_the_last_hand_has_let_go(floating: vs.Organ) -> None:
+    stepper = floating.stepper({"root": (0, 0, 0)})
+    stepper.frame()
+    with pytest.raises(vs.VisceraError, match=f"{IN_FRAMES}give the stepper dynamics="):
+        stepper.frame({})
+
+
+def test_parts_that_are_not_held_get_the_same_advice(bar: vs.Mesh) -> None:
+    two = vs.mesh(np.vstack([bar.points, bar.points + 2.0]), np.vstack([bar.cells, bar.cells + len(bar.points)]))
+    organ = vs.Organ(two, LAW, fixed=bar.nodes("root"))
+    with pytest.raises(vs.VisceraError, match=r"hold every part, by fixed nodes \(in a case file `fixed`\), or remove"):
+        organ.register(points=(two.points, two.points))
+
+
+def test_a_case_that_displacements_hold_is_solved_and_no_more(floating: vs.Organ, tmp_path: Path) -> None:
+    case = floating.to_case(
+        tmp_path / "held.toml",
+        loads={"displacement": HELD},
+        reduction={"touchable": "tip", "start": "loads"},
+        scan=WEIGHT,
+    )
+    organ = case.organ()
+    assert organ.solve(**case.loading()).is_converged
+    for asked in (case.reduce, case.unloaded):
+        with pytest.raises(vs.VisceraError, match=f"{re.escape(f'held.toml: {AT_REST}')}$"):
+            asked(organ)
+    shown = floating.to_case(tmp_path / "shown.toml", loads={"displacement": HELD})
+    with pytest.raises(vs.VisceraError, match=f"{re.escape(f'shown.toml: {BY_NODES}')}$"):
+        live_case(shown, "bar")
+    scene = vs.Scene({"bar": floating}).to_case(
+        tmp_path / "scene.toml", loads={"displacement": {"bar/root": (0, 0, 0)}}
+    )
+    with pytest.raises(vs.VisceraError, match=f"{re.escape(f'scene.toml: {AT_REST}')}$"):
+        live_scene(scene, "bar")
+
+
+def test_a_scene_with_joints_is_registered_organ_by_organ(bar: vs.Mesh) -> None:
+    height = np.ptp(bar.points[:, 2])
+    above = vs.mesh(bar.points + np.array([0.0, 0.0, height]), bar.cells, bar.sets)
+    bond = vs.Bond("a", "b")
+    scene = vs.Scene({"a": vs.Organ(bar, LAW, "root"), "b": vs.Organ(above, LAW)}, bonds=[bond])
+    said = re.escape(f"this one has {bond!r}; register an organ by itself, with fixed nodes, such as scene.organ('a').")
+    with pytest.raises(vs.VisceraError, match=said):
+        scene.register(points=(scene.mesh.points, scene.mesh.points))
