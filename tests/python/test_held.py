@@ -25,7 +25,10 @@ BY_NODES = (
     f"{ALONE}, and elastic supports do not count here yet"
 )
 IN_FRAMES = "hold it by fixed nodes, hands, elastic supports, or bonds of a scene; with inertia it may be free: "
-IN_SOLVE = "hold it by fixed nodes, prescribed displacements, elastic supports, or bonds of a scene; if contact alone"
+IN_SOLVE = (
+    "nothing is fixed: the organ would float away; hold it by fixed nodes, prescribed displacements, elastic supports "
+    "(in a case file `fixed`, `displacement`, `supports`), or bonds of a scene; if contact alone holds it, "
+)
 HELD = {"root": (0, 0, 0), "tip": (None, None, "-1 mm")}
 WEIGHT: dict[str, Any] = {"gravity": (0, 0, -1.0), "density": 1000.0}
 
@@ -94,6 +97,16 @@ def test_a_case_that_displacements_hold_is_solved_and_no_more(floating: vs.Organ
     )
     with pytest.raises(vs.VisceraError, match=f"{re.escape(f'scene.toml: {AT_REST}')}$"):
         live_scene(scene, "bar")
+
+
+def test_a_case_may_float_until_it_is_solved(floating: vs.Organ, tmp_path: Path) -> None:
+    """One rule for an organ and a scene: both may be stepped with inertia."""
+    scene = vs.Scene({"bar": floating})
+    for case in (floating.to_case(tmp_path / "free.toml"), scene.to_case(tmp_path / "free_scene.toml")):
+        organ = vs.case(case.folder / case.file).organ()
+        assert organ.stepper(density=1000.0, time_step=0.01, dynamics="backward_euler").frame().is_settled
+        with pytest.raises(vs.VisceraError, match=f"^{re.escape(f'{case.file}: {IN_SOLVE}')}"):
+            case.solve(organ)
 
 
 def test_a_scene_with_joints_is_registered_organ_by_organ(bar: vs.Mesh) -> None:

@@ -18,7 +18,8 @@ class Holding:
 
 
 IN_SOLVE = Holding(
-    "fixed nodes, prescribed displacements, elastic supports, or bonds of a scene",
+    "fixed nodes, prescribed displacements, elastic supports (in a case file `fixed`, `displacement`, `supports`), or "
+    "bonds of a scene",
     "if contact alone holds it, give it a support too weak to matter, such as ElasticSupport('x > -1%', 1e-3)",
 )
 IN_FRAMES = Holding(

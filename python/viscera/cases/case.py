@@ -52,7 +52,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -155,18 +155,11 @@ class Case(Solvable):
     reduction: Mapping[str, Any] = field(default_factory=dict)
     folder: Path = Path()
     file: str = field(default="", compare=False)
-    _stands_alone: ClassVar[bool] = True
-    """Whether no scene may hold the organ."""
 
     def __post_init__(self) -> None:
         """Raise `VisceraError` naming the first key that a case does not have."""
         words = {name: getattr(self, NAMES.get(name, name)) for name in schema.CASE.keys}
         schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
-        if self._stands_alone and self.fixed is None and not self.supports and not self.loads.get("displacement"):
-            raise VisceraError(
-                "the key 'fixed' is missing; only an organ that `supports`, displacements of [loads] or bonds of a "
-                "scene hold needs no fixed nodes"
-            )
 
     def organ(self) -> Organ:
         """The organ: mesh, law and supports; each place of the case becomes a named set of its mesh.

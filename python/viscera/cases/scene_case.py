@@ -27,7 +27,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -185,7 +185,7 @@ class SceneCase(Solvable):
         """One organ as a case of its own, where its mesh file has it."""
         words = {key: word for key, word in self.organs[name].items() if key not in {"position", "rotation"}}
         with naming(f"organ {name!r}"):
-            return OrganCase(**words, folder=self.folder)
+            return Case(**words, folder=self.folder)
 
     def _placed(self) -> Iterator[tuple[str, str]]:
         """Every place that the case addresses, and what names it."""
@@ -224,13 +224,6 @@ def read_any(path: str | os.PathLike[str]) -> Case | SceneCase:
     {'gravity': [0, 0, -9.81], 'density': 1000.0}
     """
     return read_words(path, any_case_of)
-
-
-@dataclass(frozen=True)
-class OrganCase(Case):
-    """One organ of a scene, which bonds may hold."""
-
-    _stands_alone: ClassVar[bool] = False
 
 
 def any_case_of(words: Mapping[str, Any], folder: Path = Path(), file: str = "") -> Case | SceneCase:

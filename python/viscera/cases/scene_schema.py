@@ -172,8 +172,8 @@ def _ends(kind: str, second: Key) -> dict[str, Key]:
 ORGAN = Table(
     "organs.NAME",
     "One organ, where NAME stands for its name. Its further tables are those of a case of one organ, such as "
-    "`[organs.liver.material]` and `[organs.liver.supports.PLACE]`. Each organ must be held by fixed nodes, "
-    "supports, bonds or displacements, and all must be of one element.",
+    "`[organs.liver.material]` and `[organs.liver.supports.PLACE]`. All organs must be of one "
+    "element.",
     {
         **{name: CASE.keys[name] for name in ("mesh", "units", "fixed", "supports", "element", "material")},
         "rotation": Key(Rotation(), "turns the mesh about the origin of its file", "none"),

@@ -159,7 +159,7 @@ CASE = Table(
         "fixed": Key(
             Place("node"),
             "fixed nodes",
-            "required, unless `supports` or displacements hold the organ, or bonds of a scene",
+            "none; then `supports`, displacements or bonds of a scene must hold the organ in a solve",
         ),
         "supports": Key(Places("supports", SUPPORT), "elastic supports", "none"),
         "element": Key(Choice(supported.ELEMENTS), "element of the mesh", "chosen for the material"),
