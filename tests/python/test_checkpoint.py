@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
+import stat
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +129,65 @@ def test_a_file_of_something_else_is_not_touched(organ: vs.Organ, tmp_path: Path
         organ.reduce(**SETTINGS, checkpoint=3)  # type: ignore[arg-type]
     with pytest.raises(vs.VisceraError, match="batches cannot be kept there"):
         organ.reduce(**SETTINGS, checkpoint=tmp_path / "nowhere" / "beam.batches")
+
+
+def device(path: Path) -> None:
+    try:
+        os.mknod(path, 0o600 | stat.S_IFCHR, os.makedev(1, 3))  # swallows what it is given
+    except PermissionError:
+        pytest.skip("only an administrator makes devices")
+
+
+def bound(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as held:
+        held.bind(path.name)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes among the files of this system")
+@pytest.mark.parametrize(
+    ("make", "kind"), [(device, "a device"), (os.mkfifo, "a pipe"), (Path.mkdir, "a folder"), (bound, "a socket")]
+)
+def test_what_is_no_file_is_refused_and_stays(
+    organ: vs.Organ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[[Path], None], kind: str
+) -> None:
+    monkeypatch.chdir(tmp_path)  # names of sockets are short
+    path = Path("beam.batches")
+    make(path)
+    before = path.stat()
+    stages: list[str] = []
+    with pytest.raises(vs.VisceraError, match=f"beam.batches is {kind}, .*choose another name"):
+        organ.reduce(**SETTINGS, checkpoint=path, progress=lambda done, total, stage: stages.append(stage))
+    assert os.path.samestat(path.stat(), before)
+    assert stages == []
+
+
+def test_an_empty_file_is_not_lost_in_an_error(tmp_path: Path) -> None:
+    """What the call made goes, and so does the file of a link, but not the link."""
+    there, made, link = (tmp_path / name for name in ("there.batches", "made.batches", "link.batches"))
+    there.touch()
+    link.symlink_to(tmp_path / "far.batches")
+    for path in (there, made, link):
+        with pytest.raises(Enough), Checkpoint(path).batches("case"):
+            raise Enough
+    assert there.read_bytes() == b""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link.batches", "there.batches"]
+
+
+def test_a_disk_without_room_is_told(tmp_path: Path) -> None:
+    """By the limit of a process of its own on the size of its files."""
+    pytest.importorskip("resource")
+    program = (
+        "import resource, sys; import viscera as vs; from viscera.reduced.checkpoint import Checkpoint\n"
+        "size = int(sys.argv[1]); resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))\n"
+        "try:\n"
+        "    with Checkpoint('beam.batches').batches('case') as kept: kept.keep(bytes(1000))\n"
+        "except vs.VisceraError as error: print(error)\n"
+    )
+    for size, told in ((3, "batches cannot be kept there"), (300, "a finished batch could not be kept")):
+        words = [sys.executable, "-c", program, str(size)]
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+        assert told in done.stdout, done.stderr
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_two_reductions_do_not_share_a_file(organ: vs.Organ, tmp_path: Path) -> None:

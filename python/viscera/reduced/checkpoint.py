@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import json
 import os
+import stat
 import struct
 import warnings
 import zlib
@@ -27,6 +28,14 @@ from viscera.quantity import path_of
 
 RECORD = struct.Struct("<QQ")
 SUFFIX = ".batches"
+KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+}
+"""What is no regular file, by its type."""
 
 
 class Checkpoint:
@@ -41,29 +50,42 @@ class Checkpoint:
 
     @contextmanager
     def batches(self, case: str) -> Iterator[Batches]:
-        """The batches of a case, by its fingerprint; the file goes where the block ends well or nothing was finished.
+        """The batches of a case, by its fingerprint; the file goes where the block ends well.
 
-        Raises `VisceraError` if the file cannot be written, is no file of batches, or is in use.
+        Where it does not, and nothing was finished, what this call made goes again, and an empty file that was there is
+        left empty. Raises `VisceraError` if the file cannot be written, is no file of batches, or is in use; before
+        anything is opened if there is no regular file of this name, but a device, a pipe or a folder.
         """
         try:
+            is_new = not _is_there(self.path)
             file = self.path.open("a+b")
         except OSError as error:
-            raise VisceraError(f"{self.path}: batches cannot be kept there ({error.strerror})") from None
-        with file:
+            raise _refusal(self.path, error) from None
+        with _closing(file):
             _lock(file, self.path)
-            is_new, batches = os.fstat(file.fileno()).st_size == 0, None
+            was_empty, batches = os.fstat(file.fileno()).st_size == 0, None
             try:
-                batches = Batches(file, self.path, case, self.say)
+                batches = self._begun(file, case)
                 yield batches
             except BaseException:
-                if batches.count == 0 if batches else is_new:
-                    self._remove()
+                if batches is None or batches.count == 0:
+                    if was_empty and not is_new:
+                        _empty(file)
+                    elif was_empty or batches is not None:
+                        self._remove()
                 raise
             self._remove()
 
+    def _begun(self, file: IO[bytes], case: str) -> Batches:
+        """What the file holds of the case."""
+        try:
+            return Batches(file, self.path, case, self.say)
+        except OSError as error:
+            raise _refusal(self.path, error) from None
+
     def _remove(self) -> None:
         with contextlib.suppress(OSError):  # a system that keeps open files keeps an empty one
-            self.path.unlink()
+            os.unlink(os.path.realpath(self.path))  # a link to it is the user's
 
 
 class Batches:
@@ -136,6 +158,37 @@ def fingerprint(arrays: Iterable[Any], settings: dict[str, Any]) -> str:
         digest.update(f"{values.dtype.str}{values.shape}".encode())
         digest.update(values.tobytes())
     return digest.hexdigest()
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a file of this name. A device may act and a pipe may wait when it is opened, so none is."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return False
+    if not stat.S_ISREG(mode):
+        kind = KINDS.get(stat.S_IFMT(mode), "no regular file")
+        raise VisceraError(f"{path} is {kind}, and finished batches need a file of their own; choose another name")
+    return True
+
+
+def _refusal(path: Path, error: OSError) -> VisceraError:
+    return VisceraError(f"{path}: batches cannot be kept there ({error.strerror})")
+
+
+@contextmanager
+def _closing(file: IO[bytes]) -> Iterator[None]:
+    """Closes a file. What counts is on the disk by then, and what had no room has been told."""
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            file.close()
+
+
+def _empty(file: IO[bytes]) -> None:
+    with contextlib.suppress(OSError):
+        os.ftruncate(file.fileno(), 0)
 
 
 def _lock(file: IO[bytes], path: Path) -> None:
