@@ -169,7 +169,7 @@ impl Body {
         contact::add(&mut contact, &self.body, &tools, &anchored, &rest)?;
         let n_tools = tools.len();
         let mut watch = Watch::new(on_progress);
-        let result = threads::detached_for(py, &self.body, || {
+        let result = threads::detached(py, || {
             newton.solve_in_contact(&problem, &mut contact, &mut |load| watch.report((load,)))
         })?;
         let state = watch.outcome(result)?;
@@ -187,13 +187,13 @@ impl Body {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
         let mut force = vec![0.0; u.len()];
-        threads::detached_for(py, &self.body, || self.body.internal_force(&u, &mut force))?;
+        threads::integrated(py, &self.body, || self.body.internal_force(&u, &mut force))?;
         convert::field(py, force)
     }
 
-    fn energy(&self, displacement: PyReadonlyArray2<f64>) -> PyResult<f64> {
+    fn energy(&self, py: Python<'_>, displacement: PyReadonlyArray2<f64>) -> PyResult<f64> {
         let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
-        Ok(self.body.energy(&u))
+        threads::integrated(py, &self.body, || self.body.energy(&u))
     }
 
     fn responses<'py>(
@@ -202,7 +202,7 @@ impl Body {
         displacement: PyReadonlyArray2<f64>,
     ) -> PyResult<Responses<'py>> {
         let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
-        let found = threads::detached_for(py, &self.body, || self.body.quadrature_points(&u))?;
+        let found = threads::integrated(py, &self.body, || self.body.quadrature_points(&u))?;
         let m = self.body.cells().len();
         let q = found.len() / m;
         let tensors = |of: fn(&body::QuadraturePoint) -> [[f64; 3]; 3]| {
@@ -253,7 +253,7 @@ impl Body {
         let pressure = convert::pressure(&pressed, &pressure);
         let continuation = Continuation { order, parameter, until, tolerance, max_expansions };
         let mut watch = Watch::new(None);
-        let result = threads::detached_for(py, &self.body, || {
+        let result = threads::detached(py, || {
             let (body, fixed) = (&self.body, &self.fixed);
             continuation.follow(body, fixed, &force, &pressure, &mut || watch.report(()))
         })?;

@@ -2,6 +2,7 @@
 
 use crate::convert::{self, VisceraError};
 use crate::exclusive::Exclusive;
+use crate::threads;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use viscera_core::linear::{Cholesky, FactorError, Factorization, Ldlt, Pattern};
@@ -18,6 +19,14 @@ enum Kind {
 }
 
 impl Kind {
+    fn cholesky(pattern: &Pattern) -> Result<Self, FactorError> {
+        Ok(Kind::Cholesky(Box::new(Cholesky::analyze(pattern)?)))
+    }
+
+    fn ldlt(pattern: &Pattern) -> Result<Self, FactorError> {
+        Ok(Kind::Ldlt(Box::new(Ldlt::analyze(pattern)?)))
+    }
+
     fn solver(&self) -> &dyn Factorization {
         match self {
             Kind::Cholesky(factor) => factor.as_ref(),
@@ -37,6 +46,7 @@ impl Kind {
 impl Factor {
     #[new]
     fn new(
+        py: Python<'_>,
         kind: &str,
         column_start: PyReadonlyArray1<u32>,
         row: PyReadonlyArray1<u32>,
@@ -44,16 +54,16 @@ impl Factor {
         let column_start = column_start.as_array().to_vec();
         let n = column_start.len().saturating_sub(1);
         let pattern = Pattern { n, column_start, row: row.as_array().to_vec() };
-        let kind = match kind {
-            "cholesky" => Kind::Cholesky(Box::new(Cholesky::analyze(&pattern).map_err(error)?)),
-            "ldlt" => Kind::Ldlt(Box::new(Ldlt::analyze(&pattern).map_err(error)?)),
+        let analyzed = match kind {
+            "cholesky" => threads::detached(py, || Kind::cholesky(&pattern))?,
+            "ldlt" => threads::detached(py, || Kind::ldlt(&pattern))?,
             other => {
                 return Err(VisceraError::new_err(format!(
                     "a factor is \"cholesky\" or \"ldlt\", got {other:?}"
                 )));
             }
         };
-        Ok(Factor { kind: Exclusive::new("factor", kind) })
+        Ok(Factor { kind: Exclusive::new("factor", analyzed.map_err(error)?) })
     }
 
     #[getter]
@@ -79,7 +89,7 @@ impl Factor {
         let values = values.as_array().to_vec();
         let mut claimed = self.kind.claim()?;
         let solver = claimed.solver_mut();
-        py.detach(|| solver.factorize(&values)).map_err(error)
+        threads::detached(py, || solver.factorize(&values))?.map_err(error)
     }
 
     fn solve<'py>(
@@ -90,7 +100,7 @@ impl Factor {
         let mut x = rhs.as_array().to_vec();
         let claimed = self.kind.claim()?;
         let solver = claimed.solver();
-        py.detach(|| solver.solve(&mut x, 1)).map_err(error)?;
+        threads::detached(py, || solver.solve(&mut x, 1))?.map_err(error)?;
         Ok(PyArray1::from_vec(py, x))
     }
 }

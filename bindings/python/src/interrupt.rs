@@ -8,7 +8,6 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 use viscera_core::Error;
-use viscera_core::body::Body;
 
 /// How often Python's signals are looked at.
 const EVERY: Duration = Duration::from_millis(50);
@@ -23,15 +22,6 @@ pub fn interruptible<T: Send>(
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
     outcome(threads::detached(py, || watched(work))?)
-}
-
-/// The same for work on a body, see [`threads::detached_for`].
-pub fn interruptible_for<T: Send>(
-    py: Python<'_>,
-    body: &Body,
-    work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,
-) -> PyResult<T> {
-    outcome(threads::detached_for(py, body, || watched(work))?)
 }
 
 /// Waits for work on another thread, and looks at the signals meanwhile.

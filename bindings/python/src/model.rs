@@ -3,6 +3,7 @@
 use crate::{
     convert::{self, VisceraError},
     mesh::Patch,
+    threads,
 };
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyKeyError;
@@ -117,7 +118,8 @@ impl Model {
     }
 
     fn compressed(&self, py: Python<'_>, tolerance: f64) -> PyResult<Self> {
-        let model = py.detach(|| recompressed(&self.model, tolerance)).map_err(convert::error)?;
+        let model = threads::detached(py, || recompressed(&self.model, tolerance))?
+            .map_err(convert::error)?;
         Ok(Model { model })
     }
 

@@ -1,7 +1,7 @@
 //! Frames in real time, and the settings of solver, inertia and relaxation.
 
 use crate::{body::Body, contact, convert, exclusive::Exclusive, mesh::Patch, settings::Solver};
-use crate::{interrupt::interruptible_for, threads::detached_for};
+use crate::{interrupt::interruptible, threads::detached};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -31,6 +31,7 @@ impl Stepper {
     #[pyo3(signature = (body, *, start, solver, iterations, settled, extrapolate, budget, density, time_step, dynamics, relaxation))]
     #[allow(clippy::too_many_arguments)]
     fn new(
+        py: Python<'_>,
         body: Py<Body>,
         start: Option<PyReadonlyArray2<f64>>,
         solver: Solver,
@@ -65,19 +66,24 @@ impl Stepper {
         let fixed: Vec<u32> =
             held.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
         let start = start.map(|u| convert::dofs("start", &u, n)).transpose()?;
-        let stepper = equilibrium::Stepper::new(&held.body, &fixed, start, settings)
-            .map_err(convert::error)?;
+        let stepper =
+            detached(py, || equilibrium::Stepper::new(&held.body, &fixed, start, settings))?
+                .map_err(convert::error)?;
         Ok(Stepper { body, stepper: Exclusive::new("stepper", stepper) })
     }
 
     fn grasp(
         &self,
+        py: Python<'_>,
         prescribed: PyReadonlyArray1<u32>,
         patches: Vec<PyRef<'_, Patch>>,
     ) -> PyResult<()> {
         let dofs = prescribed.as_array().to_vec();
         let patches: Vec<_> = patches.iter().map(|patch| patch.patch.clone()).collect();
-        self.stepper.claim()?.grasp(&self.body.get().body, &dofs, &patches).map_err(convert::error)
+        let body = &self.body.get().body;
+        let mut claimed = self.stepper.claim()?;
+        let stepper = &mut *claimed;
+        detached(py, || stepper.grasp(body, &dofs, &patches))?.map_err(convert::error)
     }
 
     fn press(
@@ -171,9 +177,9 @@ impl Stepper {
             gravity,
         };
         let frame = if stepper.longest_frame() < SHORT {
-            detached_for(py, body, || stepper.frame(body, &input))?.map_err(convert::error)?
+            detached(py, || stepper.frame(body, &input))?.map_err(convert::error)?
         } else {
-            interruptible_for(py, body, |is_wanted| stepper.frame_while(body, &input, is_wanted))?
+            interruptible(py, |is_wanted| stepper.frame_while(body, &input, is_wanted))?
         };
         let dict = PyDict::new(py);
         dict.set_item("displacement", field(py, stepper.displacement())?)?;
