@@ -76,6 +76,15 @@ impl Slopes {
     }
 }
 
+/// Where a body goes that next to nothing holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fall {
+    /// Onto what it may touch.
+    Onto,
+    /// Past or away from all that it could touch.
+    Away,
+}
+
 /// What is known at the end.
 pub(super) struct Ending {
     pub load: f64,
@@ -86,8 +95,14 @@ pub(super) struct Ending {
     pub singular: Option<f64>,
     /// Load and degree of freedom of an equilibrium that is not stable.
     pub unstable: Option<(f64, usize)>,
-    /// Whether the body fell in the last load step, since next to nothing holds it until it comes down on something.
-    pub falls: bool,
+    /// How the body fell in the last load step, since next to nothing holds it.
+    pub fall: Option<Fall>,
+    /// Linear systems of the last load step that conjugate gradients left unfinished.
+    pub unfinished: usize,
+    /// The last relative residual of the last load step that succeeded, and the tolerance: rounding may have stopped above
+    /// it.
+    pub left: f64,
+    pub tolerance: f64,
 }
 
 impl Ending {
@@ -106,6 +121,12 @@ impl Ending {
             (false, Some(cut)) => format!("stopped at load {load:.4}: {}", cut.sentence()),
             _ => format!("converged in {} iterations", self.iterations),
         };
+        if is_converged && self.left > self.tolerance {
+            text += &format!(
+                ", as far as rounding allows (relative residual {:.1e}, tolerance {:.0e})",
+                self.left, self.tolerance
+            );
+        }
         if let Some((load, dof)) = self.unstable {
             text += &format!(
                 "; the tangent was not positive definite under what is prescribed at load {load:.4} (point {}): \
@@ -126,11 +147,26 @@ impl Ending {
 
     /// What to do about a load step that failed next to a singular tangent or within rounding.
     fn remedy(&self, problem: &Problem) -> String {
-        if self.falls {
-            return "; next to nothing holds the body until it comes down on what it touches: let it come to rest there in \
-                    frames with inertia, of Organ.stepper(density=..., time_step=0.02, dynamics='backward_euler'), and \
-                    solve from the last of them (start)"
-                .to_string();
+        match self.fall {
+            Some(Fall::Onto) => {
+                return "; next to nothing holds the body until it comes down on what it touches: let it come to rest there \
+                        in frames with inertia, of Organ.stepper(density=..., time_step=0.02, dynamics='backward_euler'), \
+                        with friction or damping so that it does, and solve from the last of them (start)"
+                    .to_string();
+            }
+            Some(Fall::Away) => {
+                return "; next to nothing holds the body, and nothing that it could touch is in its way: check the signs of \
+                        its loads, and where the tools and other organs are"
+                    .to_string();
+            }
+            None => {}
+        }
+        if self.unfinished > 0 {
+            return format!(
+                "; conjugate gradients left {} linear systems unfinished at the largest number of iterations: give \
+                 ConjugateGradients more (max_iterations) or another preconditioner, or take solver='auto'",
+                self.unfinished
+            );
         }
         match (self.singular, self.unstable, &self.cut) {
             (Some(load), ..) => format!(
@@ -188,6 +224,13 @@ impl Cut {
             Cut::Factor(FactorError::SolutionNotFinite { .. }) => {
                 "the displacement of a smaller load step still overflows; check the units of loads and moduli".into()
             }
+            Cut::Factor(
+                FactorError::NotPositiveDefinite { row } | FactorError::Singular { row },
+            ) => format!(
+                "the tangent is singular or not positive definite at point {}: the equilibrium is unstable there, or next to \
+                 nothing holds a part",
+                row / 3
+            ),
             Cut::Factor(error) => error.to_string(),
             Cut::Solver(error) => error.to_string(),
             Cut::Spent | Cut::Doubtful => "conjugate gradients did not converge".into(),

@@ -5,7 +5,7 @@ use super::Newton;
 use super::run::Run;
 use crate::body::Curvature;
 use crate::clock::Instant;
-use crate::equilibrium::ending::Cut;
+use crate::equilibrium::ending::{Cut, Fall};
 use crate::equilibrium::iteration::{Iteration, Limits, Stop, iterate};
 use crate::number::norm;
 
@@ -46,7 +46,8 @@ struct LoadStep<'r, 'a> {
     force: Vec<f64>,
     residual: Vec<f64>,
     norm: f64,
-    history: Vec<f64>,
+    /// The relative residuals so far, and the same as the iteration takes them.
+    history: Vec<[f64; 2]>,
     steps: usize,
     /// Norm of the last increment, over that of the displacement after it.
     moved: f64,
@@ -71,7 +72,7 @@ impl<'a> Run<'a> {
         self.tried = load - self.load;
         self.contact.advance(load);
         self.contact.begin(&self.u);
-        (self.spent, self.falls) = (0, false);
+        (self.spent, self.fall, self.unfinished) = (0, None, 0);
         let mut step = LoadStep::new(self, load);
         step.converge()?;
         if step.run.contact.was_out_of_reach() && step.run.tried > FINE {
@@ -88,7 +89,7 @@ impl<'a> Run<'a> {
         }
         self.contact.end(&u);
         (self.u, self.multipliers, self.load) = (u, multipliers, load);
-        self.residuals.push(history);
+        self.residuals.push(history.iter().map(|&[told, _]| told).collect());
         Ok(steps)
     }
 }
@@ -141,7 +142,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         if !self.norm.is_finite() || self.steps == 1 {
             return LOOSEST;
         }
-        let before = self.history.iter().rev().nth(1).copied().unwrap_or(1.0);
+        let before = self.history.iter().rev().nth(1).map_or(1.0, |&[_, norm]| norm);
         let left = FORCED * (self.norm / before).powi(2);
         let enough = FORCED * self.run.settings.tolerance / self.norm;
         left.max(enough).clamp(TIGHTEST, LOOSEST)
@@ -207,11 +208,12 @@ impl Iteration for LoadStep<'_, '_> {
         let external = run.external_force(*load, u);
         run.add_stiffness_of_loads(u, *load);
         run.seconds.assembly += clock.elapsed().as_secs_f64();
-        (self.residual, self.norm) = run.residual(force, &external, &self.multipliers);
+        let told;
+        (self.residual, told, self.norm) = run.residual(force, &external, &self.multipliers);
         if self.steps == 0 || self.is_led {
             return Ok(f64::INFINITY); // an equilibrium, but of another load
         }
-        self.history.push(self.norm);
+        self.history.push([told, self.norm]);
         Ok(self.norm)
     }
 
@@ -243,7 +245,10 @@ impl Iteration for LoadStep<'_, '_> {
         }
         let (step, change, indefinite) = solved?;
         let is_fall = self.run.contact.is_fall(&step);
-        self.run.falls |= is_fall;
+        if is_fall {
+            let is_stopped = self.run.contact.longest(&self.u, &step) < 1.0;
+            self.run.fall = Some(if is_stopped { Fall::Onto } else { Fall::Away });
+        }
         self.unstable = unstable.or(indefinite);
         if !is_first && self.norm <= if self.is_linear { NEAR } else { AT } {
             self.passed = self.passed.or(self.unstable);

@@ -5,7 +5,7 @@ use super::listener::Listener;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::Contact;
-use crate::equilibrium::ending::{Cut, Ending, Slopes};
+use crate::equilibrium::ending::{Cut, Ending, Fall, Slopes};
 use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::outcome::{Equilibrium, Seconds};
 use crate::equilibrium::predictor::Predictor;
@@ -48,7 +48,9 @@ pub(super) struct Run<'a> {
     /// Shift of the last tangent; the next one is usually similar.
     pub(super) shift: f64,
     /// Whether the body has fallen in this load step.
-    pub(super) falls: bool,
+    pub(super) fall: Option<Fall>,
+    /// Linear systems of this load step that conjugate gradients left unfinished.
+    pub(super) unfinished: usize,
     /// Whether a load step has failed, so that the next ones follow the series of the path.
     pub(super) follows_series: bool,
     /// Part of the load that the load step in progress is to add.
@@ -120,7 +122,8 @@ impl<'a> Run<'a> {
             unstable: None,
             slopes: Slopes::new(),
             shift: 0.0,
-            falls: false,
+            fall: None,
+            unfinished: 0,
             follows_series: false,
             tried: 0.0,
             factorizations: 0,
@@ -275,14 +278,14 @@ impl<'a> Run<'a> {
         !patches.is_empty() || prescribed.iter().any(|&(dof, v)| v != self.start[dof as usize])
     }
 
-    /// `f_int - f_ext - W^T F`, zero where a displacement is prescribed, and its norm relative to
-    /// that of all nodal forces.
+    /// `f_int - f_ext - W^T F`, zero where a displacement is prescribed; its norm relative to that of all nodal forces; the
+    /// same for the iteration, within its tolerance if the residual is rounding.
     pub(super) fn residual(
         &self,
         force: &[f64],
         external: &[f64],
         multipliers: &[f64],
-    ) -> (Vec<f64>, f64) {
+    ) -> (Vec<f64>, f64, f64) {
         let mut out: Vec<f64> = force.iter().zip(external).map(|(i, e)| i - e).collect();
         for (load, m) in self.problem.patches.iter().zip(multipliers.chunks_exact(3)) {
             for (&node, &w) in load.patch.nodes.iter().zip(&load.patch.weights) {
@@ -294,8 +297,10 @@ impl<'a> Run<'a> {
         self.problem.prescribed.iter().for_each(|&(dof, _)| out[dof as usize] = 0.0);
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
         let loads = square(force).max(square(external)).sqrt();
-        let norm = self.rounding.relative(square(&out).sqrt(), loads, self.settings.tolerance);
-        (out, norm)
+        let size = square(&out).sqrt();
+        let told = if loads > 0.0 { size / loads } else { 0.0 };
+        let norm = self.rounding.relative(size, loads, self.settings.tolerance);
+        (out, told, norm)
     }
 
     /// Where the series of the path leads from the equilibrium `u`: load, displacement and patch forces.
@@ -362,7 +367,10 @@ impl<'a> Run<'a> {
             // The smallest step that failed is twice the one that was not tried any more.
             singular: self.slopes.singular_point(self.load, 4.0 * step),
             unstable: self.unstable,
-            falls: self.falls,
+            fall: self.fall,
+            unfinished: self.unfinished,
+            left: self.residuals.last().and_then(|step| step.last()).copied().unwrap_or(0.0),
+            tolerance: self.settings.tolerance,
         };
         Equilibrium {
             energy: body.energy(&self.u),

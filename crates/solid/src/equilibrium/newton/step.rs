@@ -134,6 +134,7 @@ impl Run<'_> {
         let solved = solved.map_err(Cut::Factor)?;
         self.linear_iterations += solved.iterations;
         self.spent += solved.iterations;
+        self.unfinished += usize::from(!solved.is_complete && solved.indefinite.is_none());
         if let Some(budget) = self.budget {
             if solved.indefinite.is_some() && !self.follows_negative_curvature() {
                 return Err(Cut::Doubtful);

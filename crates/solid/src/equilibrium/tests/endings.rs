@@ -1,7 +1,8 @@
 //! What the message of a solution says about a load step that failed, and what it advises.
 
 use super::*;
-use crate::equilibrium::ending::{Cut, Ending};
+use crate::equilibrium::ending::{Cut, Ending, Fall};
+use crate::linear::FactorError;
 
 fn stopped(cut: Cut) -> Ending {
     Ending {
@@ -10,7 +11,10 @@ fn stopped(cut: Cut) -> Ending {
         cut: Some(cut),
         singular: None,
         unstable: None,
-        falls: false,
+        fall: None,
+        unfinished: 0,
+        left: 0.0,
+        tolerance: 1e-9,
     }
 }
 
@@ -92,8 +96,36 @@ fn a_step_out_of_all_proportion_is_not_told_in_forty_digits() {
 fn a_body_that_falls_is_sent_to_frames_with_inertia() {
     let body = bulky(2.0);
     let load = problem(&body, clamped(&body));
-    let said = Ending { falls: true, ..stalled(0.9) }.message(&load);
-    assert!(said.contains("next to nothing holds the body"), "{said}");
-    assert!(said.contains("dynamics='backward_euler'"), "{said}");
-    assert!(!stalled(0.9).message(&load).contains("nothing holds"));
+    let told = |fall| Ending { fall, ..stalled(0.9) }.message(&load);
+    let onto = told(Some(Fall::Onto));
+    assert!(onto.contains("next to nothing holds the body until it comes down"), "{onto}");
+    assert!(onto.contains("dynamics='backward_euler'"), "{onto}");
+    let away = told(Some(Fall::Away));
+    assert!(away.contains("nothing that it could touch is in its way"), "{away}");
+    assert!(!told(None).contains("nothing holds"));
+}
+
+#[test]
+fn linear_systems_that_were_left_unfinished_are_told() {
+    let body = bulky(2.0);
+    let load = problem(&body, clamped(&body));
+    let said = Ending { unfinished: 330, ..stalled(3.5e-3) }.message(&load);
+    assert!(said.contains("left 330 linear systems unfinished"), "{said}");
+    assert!(said.contains("max_iterations"), "{said}");
+}
+
+#[test]
+fn a_residual_that_rounding_leaves_above_the_tolerance_is_told() {
+    let body = bulky(2.0);
+    let load = problem(&body, clamped(&body));
+    let ended = |left| Ending { load: 1.0, cut: None, left, ..stalled(0.0) }.message(&load);
+    assert_eq!(ended(1e-10), "converged in 40 iterations");
+    let said = "converged in 40 iterations, as far as rounding allows (relative residual 3.9e-9, tolerance 1e-9)";
+    assert_eq!(ended(3.9e-9), said);
+}
+
+#[test]
+fn a_singular_tangent_is_told_at_its_point() {
+    let said = Cut::Factor(FactorError::NotPositiveDefinite { row: 25 }).sentence();
+    assert!(said.contains("at point 8"), "{said}");
 }
