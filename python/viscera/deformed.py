@@ -16,6 +16,7 @@ from viscera.files.mesh import EDGES
 from viscera.mesh import Floats, Mesh
 from viscera.output import state as statefile
 from viscera.quantity import Choice, numbers_of, refused
+from viscera.sealed import Sealed
 from viscera.select import has_words
 from viscera.select import point as point_of
 from viscera.stress import STRAINS, STRESSES, Response, corner_values, pressure, von_mises
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from viscera.scans.scan import Scan
 
 
-class Deformed:
+class Deformed(Sealed):
     """An organ with a displacement: stress, strain, values at points, files and image grids.
 
     Base of `State`, `Frame`, `Answer` and `Moved`.
@@ -117,9 +118,9 @@ class Deformed:
 
         whole, displacement = self._from_rest()
         if isinstance(whole, Scene):
-            return Moved(whole.organ(organ), whole.part(organ, displacement), self)
+            return Moved(whole.organ(organ), whole.part(organ, displacement), (self, whole._numbers[organ]))
         part, nodes = part_of(whole, organ)
-        return Moved(part, displacement[nodes], self)
+        return Moved(part, displacement[nodes], (self, nodes))
 
     def support_force(self, support: Tied | Bond) -> Floats:
         """Total force (3,) [N] of one of the organ's elastic supports on it; of a bond, on its first organ.
@@ -134,18 +135,27 @@ class Deformed:
         >>> beam.solve(force={"tip": (0, 0, 10.0)}).support_force(bed).round(6).tolist()[2]
         -10.0
         """
+        return self._carried(support, self._its_ties(support))
+
+    def _carried(self, support: Tied | Bond, its: list[Ties]) -> Floats:
+        """What the samples of a support or a bond carry (3,) [N]."""
+        _, displacement = self._from_rest()
+        if isinstance(support, Ties):  # those of a model together, of which bonds pull on both of their organs
+            return np.asarray(sum(ties.force_on_all(displacement) for ties in its))
+        return np.asarray(sum(ties.force(displacement) for ties in its))
+
+    def _its_ties(self, support: Tied | Bond) -> list[Ties]:
+        """The samples of a support or of a bond; raises `VisceraError` if it is none of the organ's."""
         from viscera.kept import among_those_of_a_model
 
-        organ, displacement = self._from_rest()
+        organ, _ = self._from_rest()
         its = [ties for own, ties in zip(organ.supports, organ._tied, strict=True) if own.is_same(support)]
         its = its or among_those_of_a_model(support, organ)
         if not its:
             raise VisceraError(f"{support!r} is no elastic support of this organ; see the `supports` it was made with")
         if any(ties.surfaces for ties in its):
             raise VisceraError(f"{support!r} is a contact pair; `contact` gives its force")
-        if isinstance(support, Ties):  # those of a model together, of which bonds pull on both of their organs
-            return np.asarray(sum(ties.force_on_all(displacement) for ties in its))
-        return np.asarray(sum(ties.force(displacement) for ties in its))
+        return its
 
     def strain(self, measure: str = "green", at: str = "cells") -> Floats:
         """Strain (m, 3, 3): "green" E = (F^T F - I) / 2, or "log" ln V = ln(F F^T) / 2.
@@ -315,11 +325,16 @@ class Moved(Deformed):
     '-97.4 mm'
     """
 
-    def __init__(self, organ: Organ, displacement: Floats, whole: Deformed | None = None) -> None:
+    def __init__(
+        self, organ: Organ, displacement: Floats, part_of: tuple[Deformed, NDArray[np.int64]] | None = None
+    ) -> None:
         self.organ = organ
         self.displacement = displacement
         """Displacement (n, 3) [m] from rest."""
-        self._whole = whole
+        self._whole: Deformed | None
+        self._nodes: NDArray[np.int64]
+        self._whole, self._nodes = part_of or (None, np.empty(0, dtype=np.int64))
+        self._seal()
 
     def _expect_stress(self) -> None:
         """As of the whole that it is a part of, such as a frame that does not know its past."""
@@ -330,6 +345,14 @@ class Moved(Deformed):
         if self._whole is not None:
             self._whole._expect_deviatoric_stress()
 
+    def _carried(self, support: Tied | Bond, its: list[Ties]) -> Floats:
+        """As the whole that it is a part of knows it: of an answer, by the balance of what is held."""
+        from viscera.joined import renumbered
+
+        if self._whole is None:
+            return super()._carried(support, its)
+        return self._whole._carried(support, [renumbered(ties, self._nodes) for ties in its])
+
     def _seen(self) -> tuple[Mesh, Floats]:
         return self.organ.mesh, self.displacement
 
@@ -338,7 +361,7 @@ class Moved(Deformed):
 
 
 @dataclass(frozen=True, eq=False)
-class PointValues:
+class PointValues(Sealed):
     """Displacement, stress and strain at k points of a deformed organ.
 
     >>> import viscera as vs

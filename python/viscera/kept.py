@@ -29,8 +29,8 @@ def among_those_of_a_model(support: Tied | Bond, organ: Organ) -> list[Ties]:
     if not found:
         raise VisceraError(
             f"{support!r} is not found among the supports of this model, which keeps them all together, bonds too: "
-            "place, stiffness and shape must be those of the reduced organ or scene. `moved(answer.displacement)` of "
-            "that, with the preload added if there is one, tells the force of each; "
+            "place, stiffness and shape must be those of the reduced organ or scene. A solve of that under the touch "
+            "tells the force of each; "
             "`answer.support_force(touch.organ().supports[0])` tells the force of all supports"
         )
     if len(found) > 1:

@@ -87,12 +87,18 @@ def require_held(
                 raise VisceraError(parts.loose(label, count, name))
 
 
+def body_of_nodes(mesh: Mesh) -> NDArray[np.int64]:
+    """The number (n,) of the disconnected part of each node."""
+    body = np.array(mesh.facts["body"], dtype=np.int64)
+    body[mesh.n_corners :] = body[mesh.edges[:, 0]]
+    return body
+
+
 def _refuse_loose(mesh: Mesh, held: NDArray[np.int64], holding: Holding, name: Callable[[int], str]) -> None:
     """Raise `VisceraError` if a part has none of the nodes (k,) at which something holds the mesh."""
     if not len(held):
         raise VisceraError(f"nothing is fixed: the organ would float away; hold it by {holding.means}; {holding.hint}")
-    body = np.array(mesh.facts["body"], dtype=np.int64)
-    body[mesh.n_corners :] = body[mesh.edges[:, 0]]
+    body = body_of_nodes(mesh)
     loose = np.setdiff1d(body, body[held])
     if len(loose):
         nodes = np.flatnonzero(body == loose[0])

@@ -126,6 +126,41 @@ class Ties:
         held = sum((link.share * link.force(displacement) for link in self.links), np.zeros(3))
         return np.asarray(held + sums @ self._pulls(displacement))
 
+    def on_nodes(self, displacement: Floats) -> Floats:
+        """Force (n, 3) [N] of the samples on each node, at a displacement (n, 3) [m]."""
+        found = np.zeros_like(displacement)
+        pulls = np.repeat(self._pulls(displacement), self.counts, axis=0)
+        np.add.at(found, self.nodes, self.weights[:, None] * pulls)
+        return found
+
+    def stiffness_at_nodes(self, count: int) -> Floats:
+        """(count,) [N/m]: the largest entry of the stiffness of each sample, times its weights, summed at the nodes."""
+        found = np.zeros(count)
+        of_sample = np.repeat(np.abs(self.stiffness).max(axis=1, initial=0.0), self.counts)
+        np.add.at(found, self.nodes, np.abs(self.weights) * of_sample)
+        return found
+
+    def sides(self) -> list[tuple[Indices, float]]:
+        """The nodes of the first of what they tie, with 1; those of the second, unless it is the ground, with -1."""
+        sides = [(np.unique(self.nodes[sign * self.weights > 0.0]), sign) for sign in (1.0, -1.0)]
+        return [(nodes, sign) for nodes, sign in sides if len(nodes)]
+
+    def grounded(self) -> Ties:
+        """Those of its samples that pull on the ground: the supports without the bonds."""
+        if not len(self):
+            return self
+        is_grounded = np.abs(np.add.reduceat(self.weights, self._begins)) > SAME
+        counts = self.counts[is_grounded]
+        chosen = np.repeat(is_grounded, self.counts)
+        start = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
+        return Ties(start, self.nodes[chosen], self.weights[chosen], self.stiffness[is_grounded])
+
+    def nodes_beside(self, other: Ties) -> Indices:
+        """The nodes of those of its samples that another has not."""
+        near, its = SAME * np.abs(self.stiffness).max(initial=0.0), other._by_nodes()
+        beside = [nodes for nodes, own in self._by_nodes().items() if not _are_alike(own, its.get(nodes, []), near)]
+        return np.unique(np.frombuffer(b"".join(beside), dtype=self.nodes.dtype))
+
     @property
     def _begins(self) -> NDArray[np.int64]:
         """(s,) where the nodes of each sample begin."""
@@ -186,10 +221,15 @@ class Tied(Protocol):
         """Whether it is this one, on whatever mesh."""
 
 
+def _are_alike(its: Sequence[tuple[Floats, Floats]], own: Sequence[tuple[Floats, Floats]], near: float) -> bool:
+    """Whether samples at the same nodes have the same sum of `w k`, which is what they do together."""
+    felt = sum(np.outer(weights, k) for weights, k in its) - sum(np.outer(weights, k) for weights, k in own)
+    return bool(np.abs(felt).max() <= near)
+
+
 def _are_among(its: Sequence[tuple[Floats, Floats]], own: Sequence[tuple[Floats, Floats]], near: float) -> bool:
     """Whether samples are among others at the same nodes, or have the same sum; near: rounding of a stiffness [N/m]."""
-    felt = sum(np.outer(weights, k) for weights, k in its) - sum(np.outer(weights, k) for weights, k in own)
-    return bool(np.abs(felt).max() <= near) or all(
+    return _are_alike(its, own, near) or all(
         any(np.abs(weights - w).max() <= SAME and np.abs(stiffness - k).max() <= near for w, k in own)
         for weights, stiffness in its
     )

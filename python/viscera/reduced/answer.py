@@ -8,16 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from viscera.boundary.ties import Tied, Ties
 from viscera.deformed import Deformed
 from viscera.mesh import Floats, Mesh, Where
+from viscera.reduced.carried import Touched, spread
 from viscera.reduced.parts import Target, target
+from viscera.sealed import read_only
 
 if TYPE_CHECKING:
+    from viscera.boundary.bond import Bond
     from viscera.organ import Organ
     from viscera.reduced.touch import Touch
 
 UNBALANCED = 0.15
 """Part of stress that may be unbalanced."""
+UNCERTAIN = 0.1
+"""Estimated error of the force of a support, relative to it, above which a warning tells it."""
 
 
 class Answer(Deformed):
@@ -56,11 +62,12 @@ class Answer(Deformed):
         """Why the displacement is not trusted; empty if it is."""
         self.contact_point: Floats = result["contact_point"]
         """The point (3,) [m] of the touchable surface that is touched."""
+        self._seal()
 
     @cached_property
     def displacement(self) -> Floats:
         """Displacement of all nodes (n, 3) [m], evaluated on first access: a haptic loop needs only the force."""
-        return np.asarray(self._model._model.evaluate(*self._touch, True)["displacement"])
+        return read_only(self._model._model.evaluate(*self._touch, True)["displacement"])
 
     @cached_property
     def energy(self) -> float:
@@ -118,6 +125,43 @@ class Answer(Deformed):
 
     def _expect_deviatoric_stress(self) -> None:
         pass
+
+    def support_force(self, support: Tied | Bond) -> Floats:
+        """Total force (3,) [N] of an elastic support on the organ; of a bond, on its first organ.
+
+        By what the spring says of the displacement, or by the balance of what it holds, whichever is the more certain
+        (`viscera.reduced.carried`). It is as exact as `force` for what alone holds an organ. Elsewhere a warning tells
+        its estimated error, where that is above 10 %.
+
+        >>> import viscera as vs
+        >>> base = vs.ElasticSupport("clamp", stiffness=1e9)
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), supports=[base])
+        >>> answer = beam.reduce("tip", depth="2%", order=2)((1, 0.1, 0.1), displacement=(0, 0, -0.01))
+        >>> bool(abs(answer.support_force(base) + answer.force).max() < 1e-9)
+        True
+        """
+        return super().support_force(support)
+
+    def _carried(self, support: Tied | Bond, its: list[Ties]) -> Floats:
+        organ, displacement = self._from_rest()
+        if isinstance(support, Ties):  # all of a model, of which bonds add nothing
+            its = [ties.grounded() for ties in its]
+        patch = self._model.patch(self.contact_point)
+        load = spread(patch.nodes, patch.weights, self.force, len(displacement))
+        errors = (self.error_estimate, self.shape_error_estimate)
+        touched = Touched(organ, displacement, displacement - self.displacement, load, errors)
+        carried = [touched.carried(ties) for ties in its if len(ties)]
+        force = sum((each for each, _ in carried), np.zeros(3))
+        error, size = sum(error for _, error in carried), float(np.linalg.norm(force))
+        if error > UNCERTAIN * size:
+            told = f"{100.0 * error / size:.0f} %" if error < size else "larger than the force"
+            warnings.warn(
+                f"the estimated error of the force of {support!r} is {told}: fixed nodes or other supports hold the "
+                "same part, and displacements are not known well enough for its stiffness; solve for it, as in "
+                "touch.organ().solve(displacement={touch.patch(point): d})",
+                stacklevel=4,
+            )
+        return np.asarray(force)
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self._model.mesh, self.displacement
