@@ -22,8 +22,8 @@ from viscera.files.mesh import METRES
 from viscera.quantity import Number, brief, refused, vector
 
 Floats = NDArray[np.float64]
-Lengths: TypeAlias = ArrayLike | Sequence[float | str]
-"""Three lengths: numbers [m], words, or one text for all."""
+Lengths: TypeAlias = ArrayLike | Sequence[Any]
+"""Three lengths: numbers [m], words, or one text for all. To a type checker `[0, 0, "-10 mm"]` is a list of objects."""
 AXES = "xyz"
 FREE = "free"
 """A component of a displacement that nothing prescribes."""

@@ -17,14 +17,15 @@ from viscera.members import words_of
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.mesh import Where as Nodes
 from viscera.quantity import LARGEST, Number, Vector, numbers_of, refused, vector
-from viscera.select import AXES, FREE, offset
+from viscera.select import AXES, FREE, Lengths, offset
 
 log = logging.getLogger("viscera")
 
 Where: TypeAlias = Nodes | _core.Patch
 """A place: the name of a node set, conditions, a list of both, a predicate on points, indices, or a contact patch."""
 
-Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]] | Sequence[tuple[Any, Any]]
+Displacements: TypeAlias = Mapping[Any, Lengths] | Sequence[tuple[Any, Any]]
+"""Components are numbers [m], words, None or "free"."""
 Forces: TypeAlias = Mapping[Any, ArrayLike] | Sequence[tuple[Any, ArrayLike]] | ArrayLike
 Tractions: TypeAlias = Mapping[Any, ArrayLike] | Sequence[tuple[Any, ArrayLike]]
 Pressures: TypeAlias = Mapping[Any, float] | Sequence[tuple[Any, float]]
