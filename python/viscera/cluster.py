@@ -13,10 +13,11 @@ import pickle
 import socket
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
+from queue import Empty, SimpleQueue
 from traceback import walk_tb
 from typing import Any, TypeVar
 from uuid import uuid4
@@ -35,6 +36,8 @@ KEPT = 2
 
 _UNPICKLABLE = (pickle.PicklingError, AttributeError, TypeError)
 """What pickle raises where it cannot take a value."""
+_DASK = "distributed"
+"""The package of Dask: its errors have no base class of the standard library, and are known by it."""
 
 _is_fork = False
 """Whether this process is a fork of another: it lacks the threads of the core, and would wait for them for ever."""
@@ -100,7 +103,8 @@ def spread(
 ) -> Iterator[tuple[int, Result]]:
     """Number and result of each task when it is done; `attend` is called several times a second and may raise."""
     if not isinstance(executor, Executor):
-        raise VisceraError(f"the executor must be a concurrent.futures.Executor, got {executor!r}")
+        remedy = "; give its get_executor()" if hasattr(executor, "get_executor") else ""
+        raise VisceraError(f"the executor must be a concurrent.futures.Executor, got {executor!r}{remedy}")
     with _at_hand(shared) as name:
         sender = _Sender(executor, work, name, shared)
         try:
@@ -118,6 +122,8 @@ class _Sender:
         self._attempts = count()
         self._under_way: dict[Future[Reply], tuple[int, bool]] = {}
         """Number of the task, and whether it took the data along."""
+        self._done: SimpleQueue[Future[Reply]] = SimpleQueue()
+        """Also what an executor cancels that is shut down, of which `concurrent.futures.wait` never hears."""
         self._lacking: set[str] = set()
 
     def results(self, tasks: Sequence[Any], attend: Callable[[], None]) -> Iterator[tuple[int, Any]]:
@@ -126,32 +132,38 @@ class _Sender:
         for number in range(len(tasks)):
             self._send(number, tasks[number])
         while self._under_way:
-            done, _ = wait(self._under_way, timeout=EVERY, return_when=FIRST_COMPLETED)
-            if not done:
-                attend()
-            for future in done:
-                attend()
-                number, _ = self._under_way.pop(future)
-                reply = self._reply(future, tasks[number], number)
-                if reply.is_done:
-                    self._lacking.discard(reply.worker)
-                    yield number, reply.result
-                    released = 2  # one for the worker that is free, one for a worker that may be
-                else:
-                    self._lacking.add(reply.worker)
-                    waiting.append(number)
-                    released = 0
-                while waiting and self._carrying() < len(self._lacking):
-                    number = waiting.popleft()
-                    self._send(number, tasks[number], takes_data=True)
-                while waiting and (released or not self._under_way):
-                    number, released = waiting.popleft(), max(released - 1, 0)
-                    self._send(number, tasks[number])
+            future = self._next()
+            attend()
+            if future is None:
+                continue
+            number, _ = self._under_way.pop(future)
+            reply = self._reply(future, tasks[number], number)
+            if reply.is_done:
+                self._lacking.discard(reply.worker)
+                yield number, reply.result
+                released = 2  # one for the worker that is free, one for a worker that may be
+            else:
+                self._lacking.add(reply.worker)
+                waiting.append(number)
+                released = 0
+            while waiting and self._carrying() < len(self._lacking):
+                number = waiting.popleft()
+                self._send(number, tasks[number], takes_data=True)
+            while waiting and (released or not self._under_way):
+                number, released = waiting.popleft(), max(released - 1, 0)
+                self._send(number, tasks[number])
 
     def cancel(self) -> None:
         """Calls back what has not begun."""
         for future in self._under_way:
             future.cancel()
+
+    def _next(self) -> Future[Reply] | None:
+        """What is done or cancelled next; none if nothing is in a while."""
+        try:
+            return self._done.get(timeout=EVERY)
+        except Empty:
+            return None
 
     def _carrying(self) -> int:
         return sum(takes_data for _, takes_data in self._under_way.values())
@@ -161,27 +173,36 @@ class _Sender:
             self._data = _dumped(self._shared, "what the tasks share")
         data = self._data if takes_data else None
         # The number of the attempt makes each call another: Dask takes equal calls for one.
-        try:
+        # Executors of the standard library say by a RuntimeError that they are shut down.
+        with _telling("takes no work", RuntimeError):
             future = self._executor.submit(_do, next(self._attempts), self._work, self._name, data, task)
-        except BrokenExecutor as error:
-            raise VisceraError(f"the executor has lost its workers ({error}); make another one") from error
-        except RuntimeError as error:  # as those of the standard library say that they are shut down
-            raise VisceraError(f"the executor takes no work ({error}); make another one") from error
         self._under_way[future] = number, takes_data
+        future.add_done_callback(self._done.put)
 
     def _reply(self, future: Future[Reply], task: Any, number: int) -> Reply:
-        try:
-            return future.result()
-        except BrokenExecutor as error:
-            raise VisceraError(
-                f"a worker died, and its executor has no other ({error}); Dask replaces workers, and with checkpoint= "
-                "the same call continues from the finished batches"
-            ) from error
-        except _UNPICKLABLE as error:
-            if not any(frame.f_code is _do.__code__ for frame, _ in walk_tb(error.__traceback__)):
-                _dumped(self._work, "the work")
-                _dumped(task, f"task {number}")
+        with _telling(f"gave up task {number}"):
+            try:
+                return future.result()
+            except _UNPICKLABLE as error:
+                if not any(frame.f_code is _do.__code__ for frame, _ in walk_tb(error.__traceback__)):
+                    _dumped(self._work, "the work")
+                    _dumped(task, f"task {number}")
+                raise
+
+
+@contextmanager
+def _telling(refusal: str, *others: type[Exception]) -> Iterator[None]:
+    """Errors of the executor itself become `VisceraError`; those of Dask, and `others`, by the words of `refusal`."""
+    try:
+        yield
+    except CancelledError as error:
+        raise VisceraError("the executor was shut down; make another one and call again") from error
+    except BrokenExecutor as error:
+        raise VisceraError(f"the executor has lost its workers ({error}); make another one and call again") from error
+    except Exception as error:
+        if not isinstance(error, others) and type(error).__module__.partition(".")[0] != _DASK:
             raise
+        raise VisceraError(f"the executor {refusal} ({error}); make another one and call again") from error
 
 
 def _dumped(value: Any, name: str) -> bytes:

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -314,24 +314,6 @@ def test_mpi(whole: vs.Touch, tmp_path: Path) -> None:
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert arrays(vs.load(tmp_path / "beam.viscera")) == arrays(whole)
-
-
-class Lost(Executor):
-    """An executor whose workers are gone."""
-
-    def __init__(self, error: type[Exception]) -> None:
-        self.error = error
-
-    def submit(self, *_: Any, **__: Any) -> Any:
-        raise self.error("a child terminated abruptly")
-
-
-@pytest.mark.parametrize(
-    ("error", "words"), [(BrokenExecutor, "has lost its workers"), (RuntimeError, "takes no work")]
-)
-def test_an_executor_that_takes_no_work_is_told(organ: vs.Organ, error: type[Exception], words: str) -> None:
-    with pytest.raises(vs.VisceraError, match=f"{words}.*abruptly.*make another one"):
-        vs.sweep(bent, organ, [-1.0], executor=Lost(error))
 
 
 def test_states_of_a_sweep_come_back(organ: vs.Organ, pool: Executor) -> None:
