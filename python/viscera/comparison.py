@@ -24,6 +24,7 @@ from viscera.law import Corotated, Law, Linear, MooneyRivlin, NeoHookean, SaintV
 from viscera.mesh import Floats, Mesh
 from viscera.organ import Organ
 from viscera.progress import Progress, shown
+from viscera.sealed import Sealed
 from viscera.select import AXES
 from viscera.state import State
 
@@ -83,7 +84,7 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Pictured, Tabled):
+class Comparison(Pictured, Tabled, Sealed):
     """The models on one case, in the order of `models`."""
 
     mesh: Mesh

@@ -99,7 +99,8 @@ class Mesh(Pictured):
     @cached_property
     def facts(self) -> dict[str, Any]:
         """What the core finds in the mesh: `cell_volumes` (m,) [m^3], `quality` (m,), `body` (n,), `part` (m,), ..."""
-        return _core.inspect(self.points, self.cells)
+        found = _core.inspect(self.points, self.cells)
+        return {name: _read_only(fact) if isinstance(fact, np.ndarray) else fact for name, fact in found.items()}
 
     @cached_property
     def centroids(self) -> Floats:

@@ -90,6 +90,7 @@ class Unloaded:
         scanned[: self.scan.n_corners] = self.scan.points[: self.scan.n_corners]
         seen.displacement = self.organ.mesh.points + state.displacement - scanned
         seen.volume_ratio = state.volume_ratio * self.organ.mesh.volume / self.scan.volume
+        seen._seal()
         return seen
 
 

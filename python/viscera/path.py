@@ -13,6 +13,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.quantity import Number, Whole
+from viscera.sealed import Sealed
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
@@ -25,7 +26,7 @@ PARAMETER = Number()
 
 
 @dataclass(frozen=True, eq=False)
-class Expansion:
+class Expansion(Sealed):
     """One section of a path: u(a) = sum_p a^p u_p, and a series of the load, for 0 <= a <= range."""
 
     displacement: Floats

@@ -23,6 +23,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.progress import Progress
 from viscera.quantity import Number, Whole, refused
+from viscera.sealed import Sealed
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ Place = int | np.integer[Any] | ArrayLike
 
 
 @dataclass(frozen=True, eq=False)
-class Order:
+class Order(Sealed):
     """One term u_p(x, s) = sum_i F_i(x) G_i(s) of the series."""
 
     F: Floats
@@ -70,7 +71,7 @@ class Order:
 
 
 @dataclass(frozen=True, eq=False)
-class Pgd:
+class Pgd(Sealed):
     """The separated series of a load at any position of a surface. Made by `Organ.pgd`."""
 
     mesh: Mesh

@@ -94,6 +94,7 @@ class State(Deformed, Pictured):
         self._tools = list(zip(tools, contacts(result.get("contact", [])), strict=True))
         self._anchored: list[list[_core.Anchored]] = result.get("anchored", [[] for _ in tools])
         self._pairs = list(zip(organ._contact_pairs, contacts(result.get("contact_pairs", [])), strict=True))
+        self._seal()
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self.mesh, self.displacement

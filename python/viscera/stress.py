@@ -17,6 +17,7 @@ from viscera.errors import VisceraError
 from viscera.files.mesh import EDGES
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Choice
+from viscera.sealed import Sealed
 
 STRESSES = ("cauchy", "pk1", "pk2")
 STRAINS = ("green", "log")
@@ -29,7 +30,7 @@ NEAR, FAR = (5.0 + 3.0 * 5.0**0.5) / 20.0, (5.0 - 5.0**0.5) / 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(Sealed):
     """What the law answers at q quadrature points, of equal weight, in each of m cells."""
 
     mesh: Mesh

@@ -106,6 +106,11 @@ def test_a_human_liver_is_found_again_from_its_front(shared: Path) -> None:
     assert (error < found.band_at(at)).mean() > 0.9
 
 
+def test_no_array_of_what_was_found_is_written_to(found: vs.Registered) -> None:
+    for array in (found.displacement, found.band, found.covariance, found.is_observed, found.rotation):
+        assert not array.flags.writeable
+
+
 def test_residuals_tell_the_organ_from_what_is_not_its(found: vs.Registered) -> None:
     assert np.median(np.abs(found.residual)) < 1.5 * NOISE
     assert found.is_inlier[60:].mean() > 0.97

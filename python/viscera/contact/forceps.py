@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera.contact.instrument import Instrument
-from viscera.contact.posed import Posed, kept
+from viscera.contact.posed import Posed
 from viscera.contact.shapes import Box, Capsule, Sphere
 from viscera.contact.tool import Contact
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.quantity import Number, refused, vector
 from viscera.rotation import rotation_matrix
+from viscera.sealed import Sealed, read_only
 from viscera.select import length_in_space
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ CAUTION = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class JawForces:
+class JawForces(Sealed):
     """What forceps did in a frame: force (3,) [N] and torque (3,) [N m] about the origin on the organ, the force [N]
     with which the jaws press the tissue between them, and their opening [m]; whether the frame has settled."""
 
@@ -76,8 +77,8 @@ class Forceps(Posed):
     ) -> None:
         self._stepper = stepper
         self._half = half_thickness(jaw)
-        self._position = kept(vector(position, "the position of forceps", "m"))
-        self._rotation = kept(rotation_matrix(rotation, "the rotation of forceps"))
+        self._position = read_only(vector(position, "the position of forceps", "m"))
+        self._rotation = read_only(rotation_matrix(rotation, "the rotation of forceps"))
         self._opening = _opening(opening)
         self._squeeze: tuple[float, float] | None = None
         self._stiffness = 0.0
@@ -238,7 +239,7 @@ class Forceps(Posed):
         self._must_be_there()
         for jaw, centre in zip(self.jaws, self._centres(position, rotation, opening), strict=True):
             jaw.place(centre, rotation)
-        self._position, self._rotation, self._opening = kept(position), kept(rotation), opening
+        self._position, self._rotation, self._opening = read_only(position), read_only(rotation), opening
 
     def _must_be_whole(self) -> None:
         if not all(jaw in self._stepper._tools for jaw in self.jaws):

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from viscera.contact.posed import Posed, kept
+from viscera.contact.posed import Posed
 from viscera.contact.shapes import AnyShape
 from viscera.contact.tool import Tool
 from viscera.quantity import vector
+from viscera.sealed import read_only
 
 if TYPE_CHECKING:
     from viscera.stepping.stepper import Stepper
@@ -36,7 +37,7 @@ class Instrument(Posed):
         self._stepper = stepper
         self._number = number
         self._tool, self._shape = tool, tool.shape
-        self._position, self._rotation = kept(tool.position.copy()), kept(tool.rotation.copy())
+        self._position, self._rotation = read_only(tool.position.copy()), read_only(tool.rotation.copy())
 
     @property
     def shape(self) -> AnyShape:
@@ -56,7 +57,7 @@ class Instrument(Posed):
         """
         placed, turned = self._placed(position), self._turned(rotation)
         self._stepper._core.place_tool(self._number, turned.tolist(), placed.tolist())
-        self._position, self._rotation = kept(placed), kept(turned)
+        self._position, self._rotation = read_only(placed), read_only(turned)
 
     def move(self, by: ArrayLike) -> None:
         """Move on by (x, y, z) [m] with the next frame.

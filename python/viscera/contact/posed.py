@@ -52,9 +52,3 @@ class Posed(ABC):
     def _turned_by(self, turn: ArrayLike) -> Floats:
         """The rotation of now, turned on by a rotation vector (3,) [rad] in axes of the world."""
         return rotation_matrix(vector(turn, f"the turn of {self._WHAT}", "rad")) @ self._rotation
-
-
-def kept(array: Floats) -> Floats:
-    """The array, read-only from now on: a pose that is changed in place would not reach the stepper."""
-    array.flags.writeable = False
-    return array

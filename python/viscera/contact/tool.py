@@ -15,6 +15,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.quantity import Number, refuse_twice, refused, vector
 from viscera.rotation import rotation_matrix
+from viscera.sealed import Sealed
 
 BONDED = "bonded"
 STIFFNESS = 30.0
@@ -115,7 +116,7 @@ class Tool:
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Sealed):
     """Forces between a tool and the organ, and the state of the contact.
 
     >>> import viscera as vs

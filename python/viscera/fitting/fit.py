@@ -24,6 +24,7 @@ from viscera.law import Law
 from viscera.mesh import Floats
 from viscera.naming import told_apart
 from viscera.quantity import numbers_of, refused
+from viscera.sealed import Sealed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +41,7 @@ class Undetermined(VisceraError):
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Sealed):
     """A law fitted to material tests.
 
     >>> import viscera as vs

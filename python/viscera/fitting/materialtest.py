@@ -13,12 +13,13 @@ from viscera.curves import MODES
 from viscera.errors import VisceraError, did_you_mean
 from viscera.files.text import number, read_table
 from viscera.mesh import Floats
+from viscera.sealed import Sealed
 
 SMALLEST_STRETCH = 0.05
 
 
 @dataclass(frozen=True, init=False, eq=False)
-class MaterialTest:
+class MaterialTest(Sealed):
     """One measured curve.
 
     mode: "uniaxial" (tension and compression), "equibiaxial", "pure shear" or "simple shear".
@@ -46,6 +47,7 @@ class MaterialTest:
         curves = {"stretch": _curve(name, "stretch", stretch), "stress": _curve(name, "stress", stress)}
         for what, value in {**values, **curves}.items():
             object.__setattr__(self, what, value)
+        self._seal()
         if len(self.stretch) != len(self.stress):
             raise VisceraError(f"{self.name}: {len(self.stretch)} stretches but {len(self.stress)} stresses")
         if len(self.stretch) < 2:

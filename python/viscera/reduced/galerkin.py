@@ -16,6 +16,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.progress import shown
 from viscera.quantity import Number, Whole, numbers_of, refused
+from viscera.sealed import read_only
 from viscera.select import offset
 from viscera.select import point as point_of
 
@@ -61,6 +62,7 @@ class GalerkinAnswer(Deformed):
         """Number of tangents that were evaluated for them."""
         self.seconds: float = facts["seconds"]
         """Time of the search [s]."""
+        self._seal()
 
     def __reduce__(self) -> NoReturn:
         """For pickle and copy: refused, as it computes its field from the grasp when it is asked for."""
@@ -69,7 +71,7 @@ class GalerkinAnswer(Deformed):
     @cached_property
     def displacement(self) -> Floats:
         """Displacement of all nodes (n, 3) [m]."""
-        return self._held.displacement()
+        return read_only(self._held.displacement())
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self._touch.mesh, self.displacement
@@ -116,7 +118,7 @@ class HyperReducedModel:
 
     def __init__(self, grasp: _core.HyperReducedModel, points: Floats, touch: Touch) -> None:
         self._grasp, self._touch = grasp, touch
-        self.points = points
+        self.points = read_only(points)
         """Contact points (k, 3) at rest [m]."""
 
     def __reduce__(self) -> NoReturn:

@@ -12,10 +12,11 @@ import numpy as np
 
 from viscera import _core
 from viscera.mesh import Floats, Indices, Mesh
+from viscera.sealed import Sealed
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class Target(Sealed):
     """How far a touch moves a part of the organ."""
 
     displacement: Floats

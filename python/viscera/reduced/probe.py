@@ -14,6 +14,7 @@ from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Number, refused, vector
+from viscera.sealed import read_only
 from viscera.select import length
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class Felt(Deformed):
         """Whether the displacement may be relied on."""
         self.shape_reason: str = told["shape_reason"]
         """Why the displacement is not trusted; empty if it is."""
+        self._seal()
 
     @property
     def is_touching(self) -> bool:
@@ -76,8 +78,8 @@ class Felt(Deformed):
     def displacement(self) -> Floats:
         """Displacement of all nodes (n, 3) [m], evaluated on first access."""
         if not self.is_touching:
-            return np.zeros((len(self._model.mesh.points), 3))
-        return np.asarray(self._model._model.evaluate(self.contact_point, self._push, True)["displacement"])
+            return read_only(np.zeros((len(self._model.mesh.points), 3)))
+        return read_only(self._model._model.evaluate(self.contact_point, self._push, True)["displacement"])
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self._model.mesh, self.displacement

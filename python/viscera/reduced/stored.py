@@ -14,6 +14,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, known
 from viscera.reduced.parts import cell_sets, node_sets
+from viscera.sealed import read_only
 
 
 class Stored:
@@ -48,9 +49,7 @@ class Stored:
     @cached_property
     def points(self) -> Floats:
         """Nodes (n, 3) [m] before a touch; those of the surface alone in a model without cells."""
-        points: Floats = self._model.array("points")
-        points.flags.writeable = False
-        return points
+        return read_only(self._model.array("points"))
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -84,18 +83,18 @@ class Stored:
     def preload(self) -> Floats | None:
         """Displacement (n, 3) [m] from rest under the dead load that acts during the touches; None without one."""
         displacement: Floats = self._model.array("preload")
-        return displacement if len(displacement) else None
+        return read_only(displacement) if len(displacement) else None
 
     @cached_property
     def surface_nodes(self) -> Indices:
         """Indices (k,) of the surface nodes."""
-        return np.asarray(self._model.array("surface_nodes"), dtype=np.uint32)
+        return read_only(self._model.array("surface_nodes").astype(np.uint32))
 
     @cached_property
     def touchable_triangles(self) -> Indices:
         """Triangles (t, 3) of the surface that may be touched."""
         positions, triangles = self._model.array("positions"), self._model.array("touchable")
-        return np.asarray(positions[triangles], dtype=np.uint32)
+        return read_only(positions[triangles].astype(np.uint32))
 
     @cached_property
     def _touchable(self) -> _core.Surface:

@@ -103,6 +103,7 @@ class Registered(Deformed, Pictured):
         """Wall time."""
         self.message = message or "; ".join(filter(None, (self._unexplained(), self._unseen())))
         """What went wrong, what does not fit, or what was not observed; empty if none of these."""
+        self._seal()
 
     @property
     def status(self) -> str:

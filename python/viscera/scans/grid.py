@@ -22,6 +22,7 @@ from viscera.quantity import Choice, Number, path_of, refused
 from viscera.scans.image import nifti_affine, unit_of
 from viscera.scans.itk import read_by_itk, sitk, write_by_itk
 from viscera.scans.scan import Scan
+from viscera.sealed import Sealed
 
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
 """Signs that turn coordinates into LPS and back."""
@@ -108,7 +109,7 @@ def axes_of(mesh: Mesh, axes: str | None) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class Field(Sealed):
     """A displacement at the voxels of a part of an image: the box around the organ."""
 
     grid: Grid

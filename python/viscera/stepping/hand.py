@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
-from viscera.contact.posed import Posed, kept
+from viscera.contact.posed import Posed
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices
 from viscera.quantity import numbers_of, refused, vector
 from viscera.rotation import UNTURNED, angle_between, mean_rotation, spread
+from viscera.sealed import read_only
 from viscera.select import Lengths, offset
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class Hand(Posed):
         self._is_holding = True
         places = self._rest + stepper.displacement[self._nodes]
         self._position: Floats = weights @ places
-        self._rotation: Floats = kept(np.array(UNTURNED))
+        self._rotation: Floats = read_only(np.array(UNTURNED))
         self._reached = self._rotation
         self._arms = places - self._position
 
@@ -148,7 +149,7 @@ class Hand(Posed):
         turn = vector(by, "the turn of a hand", "rad")
         self._may("turned")
         self._hold_turn()
-        self._rotation = kept(self._turned_by(turn))
+        self._rotation = read_only(self._turned_by(turn))
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
         """Set the place of its centre (3,) [m] for the next frame, and its rotation from the shape at the grasp: a
@@ -167,7 +168,7 @@ class Hand(Posed):
         if rotation is not None:
             turned = self._turned(rotation)
             self._hold_turn()
-            self._rotation = kept(turned)
+            self._rotation = read_only(turned)
         self._position = placed
 
     def pull(self, force: ArrayLike, torque: ArrayLike = (0.0, 0.0, 0.0)) -> None:
@@ -245,7 +246,8 @@ class Hand(Posed):
     def _last(self) -> tuple[Floats, Floats]:
         if self._told is None:
             raise VisceraError("the force of a hand is that of the last frame; there is none since it took hold")
-        return self._told
+        force, torque = self._told
+        return read_only(force), read_only(torque)
 
     def _hold_turn(self) -> None:
         """Refuses what nothing turns; from now on a patch holds its rotation, too, from where it is."""
@@ -255,7 +257,7 @@ class Hand(Posed):
                 "it takes three nodes that are not on a line: take a larger place or patch"
             )
         if not self._holds_turn:
-            self._rotation = self._reached = kept(self._rotation_now())
+            self._rotation = self._reached = read_only(self._rotation_now())
             self._holds_turn = True
 
     def _rotation_now(self) -> Floats:
@@ -267,7 +269,7 @@ class Hand(Posed):
         places = self._rest + displacement[self._nodes]
         self._position = self._weights @ places
         if spread(self._weights, self._arms) >= ON_A_LINE:
-            self._rotation = self._reached = kept(mean_rotation(self._weights, self._arms, places - self.position))
+            self._rotation = self._reached = read_only(mean_rotation(self._weights, self._arms, places - self.position))
 
     def _take(self, places: Floats) -> None:
         """Takes on these places (k, 3) of its nodes as its shape, in the orientation that it has."""
