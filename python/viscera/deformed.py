@@ -152,7 +152,10 @@ class Deformed(Sealed):
         its = [ties for own, ties in zip(organ.supports, organ._tied, strict=True) if own.is_same(support)]
         its = its or among_those_of_a_model(support, organ)
         if not its:
-            raise VisceraError(f"{support!r} is no elastic support of this organ; see the `supports` it was made with")
+            raise VisceraError(
+                f"{support!r} is no elastic support of this organ; see the `supports` it was made with, and ask the "
+                "state, the frame or the answer of the whole scene for what joins its organs"
+            )
         if any(ties.surfaces for ties in its):
             raise VisceraError(f"{support!r} is a contact pair; `contact` gives its force")
         return its
@@ -344,6 +347,16 @@ class Moved(Deformed):
     def _expect_deviatoric_stress(self) -> None:
         if self._whole is not None:
             self._whole._expect_deviatoric_stress()
+
+    def _its_ties(self, support: Tied | Bond) -> list[Ties]:
+        from viscera.boundary.bond import Bond
+
+        if self._whole is not None and isinstance(support, Bond):
+            raise VisceraError(
+                f"{support!r} joins two organs, and this is one of them alone; ask the state, the frame or the answer "
+                "of the whole scene for its force"
+            )
+        return super()._its_ties(support)
 
     def _carried(self, support: Tied | Bond, its: list[Ties]) -> Floats:
         """As the whole that it is a part of knows it: of an answer, by the balance of what is held."""

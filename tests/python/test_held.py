@@ -117,3 +117,20 @@ def test_a_scene_with_joints_is_registered_organ_by_organ(bar: vs.Mesh) -> None:
     said = re.escape(f"this one has {bond!r}; register an organ by itself, with fixed nodes, such as scene.organ('a').")
     with pytest.raises(vs.VisceraError, match=said):
         scene.register(points=(scene.mesh.points, scene.mesh.points))
+
+
+def test_the_force_of_a_joint_is_asked_of_the_whole(bar: vs.Mesh) -> None:
+    above = vs.mesh(bar.points + np.array([0.0, 0.0, np.ptp(bar.points[:, 2])]), bar.cells, bar.sets)
+    bond, spring = vs.Bond("a", "b"), vs.Spring("a/root", "b/root", stiffness=1.0)
+    organs = {"a": vs.Organ(bar, LAW, "root"), "b": vs.Organ(above, LAW, supports=[vs.ElasticSupport("root", 1e6)])}
+    state = vs.Scene(organs, bonds=[bond, spring]).solve(force={"b": (0, 0, -0.1)})
+    model = vs.Scene(organs, bonds=[bond]).reduce("b/x > 99%", depth="1%", order=2)
+    answer = model(above.points[above.nodes("x > 99%")[-1]], (0, 0, -1e-4))
+    for whole in (state, answer):
+        assert whole.support_force(bond).shape == (3,)
+        with pytest.raises(
+            vs.VisceraError, match=r"^Bond\(a, b\) joins two organs, .* ask the state, .* of the whole scene"
+        ):
+            whole["b"].support_force(bond)
+    with pytest.raises(vs.VisceraError, match=r"ask the state, the frame or the answer of the whole scene"):
+        state["b"].support_force(spring)
