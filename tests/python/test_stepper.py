@@ -209,6 +209,16 @@ def test_a_budget_is_kept_and_its_price_told(organ: vs.Organ) -> None:
     assert easy.is_solved
 
 
+def test_where_assembly_takes_the_whole_budget_nothing_moves_and_the_frame_says_so(organ: vs.Organ) -> None:
+    stepper = organ.stepper(solver="cg", iterations=20, budget=1e-9)
+    for _ in range(3):
+        frame = stepper.frame(force={"tip": (0, 0, -1.0)})
+        assert (frame.iterations, frame.is_solved, frame.within_budget) == (0, False, False)
+        assert not frame.displacement.any()
+    enough = organ.stepper(solver="cg", iterations=20, budget=100.0).frame(force={"tip": (0, 0, -1.0)})
+    assert enough.is_settled
+
+
 def test_a_frame_says_whether_its_forces_can_be_relied_on(organ: vs.Organ) -> None:
     push = {"tip": (0, 0, -0.05)}
     exact = organ.solve(displacement=push).reaction("tip")
