@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera.errors import VisceraError, did_you_mean
-from viscera.quantity import brief
+from viscera.quantity import brief, refuse_masked
 from viscera.select import conditional, extent, indices, is_condition
 
 if TYPE_CHECKING:
@@ -28,7 +28,9 @@ def members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floa
             raise VisceraError(f"{where!r} selects no {noun}; {extent(box)}")
         return found.astype(np.uint32)
     if callable(where):
-        mask = np.asarray(where(places))
+        chosen = where(places)
+        refuse_masked(chosen, f"the mask of {noun}s of a predicate", "an array of booleans")
+        mask = np.asarray(chosen)
         if mask.shape != (len(places),) or mask.dtype != np.bool_:
             of = "points" if noun == "node" else "centroids"
             raise VisceraError(
@@ -104,6 +106,7 @@ def listed_in(where: Where, sets: Mapping[str, Indices]) -> Where:
 
 def indices_of(where: ArrayLike, count: int, what: str, noun: str = "node") -> Indices:
     """Ascending, unique indices from integers or a mask (count,)."""
+    refuse_masked(where, what, f"a list of {noun}s, or a mask of booleans")
     chosen = np.atleast_1d(np.asarray(where))
     if chosen.dtype == np.bool_ and chosen.shape == (count,):
         chosen = np.flatnonzero(chosen)

@@ -22,7 +22,7 @@ from viscera.files import mesh as meshfile
 from viscera.files.mesh import RawMesh
 from viscera.inspection import arrays, doubts, faults, implausible_size, listed
 from viscera.members import indices_of, listed_in, members, part_of_set, sets_within, united, words_of
-from viscera.quantity import Number, hides_boolean, path_of, refused
+from viscera.quantity import Number, hides_no_number, path_of, refuse_masked, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
 
@@ -381,7 +381,7 @@ def _checked(raw: RawMesh, *, is_new: bool = True) -> Mesh:
 
 def _array(value: ArrayLike, what: str, kind: str) -> NDArray[Any]:
     """An array as NumPy makes it of a value, whose numbers `inspection.arrays` checks."""
-    if not isinstance(value, np.ndarray) and hides_boolean(value):
+    if hides_no_number(value):
         raise refused(what, kind, value)
     try:
         return np.asarray(value)
@@ -397,6 +397,7 @@ def _named_arrays(given: Mapping[str, ArrayLike] | None, noun: str) -> dict[str,
     for name, chosen in (given or {}).items():
         if not isinstance(name, str) or not name:
             raise refused(f"the name of a {noun}", "a text that is not empty", name)
+        refuse_masked(chosen, f"{noun} {name!r}", "a list of indices, or a mask")
         try:
             found[name] = np.asarray(chosen)
         except (TypeError, ValueError, OverflowError):

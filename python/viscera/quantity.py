@@ -158,8 +158,9 @@ def vector(value: Any, what: str, unit: str) -> NDArray[np.float64]:
 
 
 def numbers_of(value: Any) -> NDArray[np.float64] | None:
-    """A new array of numbers, or None if some are not: NumPy would turn booleans and strings into numbers."""
-    if hides_boolean(value):
+    """A new array of numbers, or None if some are not: NumPy would turn booleans, strings and what is under a mask into
+    numbers."""
+    if hides_no_number(value):
         return None
     try:
         array = np.asarray(value)
@@ -190,6 +191,11 @@ def path_of(value: str | os.PathLike[str], what: str) -> Path:
 
 def refused(what: str, kind: object, value: Any) -> VisceraError:
     """The error for a value that is not what it must be."""
+    if hides_masked(value):
+        return VisceraError(
+            f"{what} must be {kind}, and some of it is masked; leave those values out, or replace them, as by "
+            "`values.filled(0.0)`"
+        )
     return VisceraError(f"{what} must be {kind}, got {brief(value)}")
 
 
@@ -199,11 +205,25 @@ def brief(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def hides_boolean(value: Any) -> bool:
-    """Whether a list holds a boolean somewhere, which NumPy turns into a number beside other numbers."""
+def hides_no_number(value: Any) -> bool:
+    """Whether something is a boolean, which NumPy turns into a number beside other numbers, or masked."""
     if isinstance(value, list | tuple):
-        return any(map(hides_boolean, value))
-    return isinstance(value, bool | np.bool_)
+        return any(map(hides_no_number, value))
+    return isinstance(value, bool | np.bool_) or hides_masked(value)
+
+
+def hides_masked(value: Any) -> bool:
+    """Whether something is masked in an array or a list of some: NumPy forgets masks and takes what is under them."""
+    if isinstance(value, list | tuple):
+        return any(map(hides_masked, value))
+    # A plain array is known by its class: `numpy.ma` is only imported where there may be a masked one.
+    return isinstance(value, np.ndarray) and type(value) is not np.ndarray and bool(np.ma.is_masked(value))
+
+
+def refuse_masked(value: Any, what: str, kind: object) -> None:
+    """Raise `VisceraError` if something of a value is masked, where masks and texts are taken besides numbers."""
+    if hides_masked(value):
+        raise refused(what, kind, value)
 
 
 def _is_number(value: Any) -> bool:
@@ -212,7 +232,8 @@ def _is_number(value: Any) -> bool:
 
 def _scalar(value: Any) -> Any:
     """A NumPy scalar or array without dimensions as Python's own."""
-    return value.item() if isinstance(value, np.generic | np.ndarray) and value.ndim == 0 else value
+    is_scalar = isinstance(value, np.generic | np.ndarray) and value.ndim == 0 and not hides_masked(value)
+    return value.item() if is_scalar else value
 
 
 def _bracketed(unit: str) -> str:

@@ -16,7 +16,7 @@ from viscera.errors import VisceraError
 from viscera.members import words_of
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.mesh import Where as Nodes
-from viscera.quantity import LARGEST, Number, Vector, numbers_of, refused, vector
+from viscera.quantity import LARGEST, Number, Vector, numbers_of, refuse_masked, refused, vector
 from viscera.select import AXES, FREE, Lengths, offset
 
 log = logging.getLogger("viscera")
@@ -77,6 +77,7 @@ def _key_of(where: Any) -> Any:
     """A place as the key of a table: lists as tuples."""
     if (words := words_of(where)) is not None:
         return tuple(words)
+    refuse_masked(where, "a place", "a list of nodes")
     return tuple(np.asarray(where).ravel().tolist()) if isinstance(where, np.ndarray | list | range) else where
 
 

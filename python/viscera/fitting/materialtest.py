@@ -13,6 +13,7 @@ from viscera.curves import MODES
 from viscera.errors import VisceraError, did_you_mean
 from viscera.files.text import number, read_table
 from viscera.mesh import Floats
+from viscera.quantity import brief, refuse_masked
 from viscera.sealed import Sealed
 
 SMALLEST_STRETCH = 0.05
@@ -115,10 +116,11 @@ def read_columns(path: str | os.PathLike[str]) -> dict[str, Floats]:
 
 
 def _curve(name: str, what: str, values: ArrayLike) -> Floats:
+    refuse_masked(values, f"{name}: {what}", "a list of numbers")
     try:
         curve = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise VisceraError(f"{name}: {what} is no list of numbers") from None
+    except (TypeError, ValueError, OverflowError):
+        raise VisceraError(f"{name}: {what} is no list of numbers that a float can hold, got {brief(values)}") from None
     if curve.ndim != 1:
         raise VisceraError(f"{name}: {what} has shape {curve.shape}; give one value for each point, (k,)")
     if not np.isfinite(curve).all():

@@ -13,7 +13,7 @@ from viscera import _core
 from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import Number, refused, vector
+from viscera.quantity import Number, refuse_masked, refused, vector
 from viscera.sealed import read_only
 from viscera.select import length
 
@@ -306,6 +306,7 @@ class Probes:
         return sum(fields, np.zeros((len(self._touch.mesh.points), 3)))
 
     def _vectors(self, values: ArrayLike, name: str) -> Floats:
+        refuse_masked(values, name, "vectors (x, y, z) [m]")
         try:
             given = np.asarray(values, dtype=float)
         except (TypeError, ValueError):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
-from viscera.quantity import numbers_of, refused
+from viscera.quantity import numbers_of, refuse_masked, refused
 
 ROUNDING = 1e-6
 """Of labels that a file keeps as multiples of a number such as 1/3, in single precision."""
@@ -37,6 +37,7 @@ def _is_invertible(matrix: Floats) -> bool:
 
 def labels_of(given: Any) -> NDArray[np.uint16]:
     """Labels (i, j, k), whole numbers from 0 to 65535."""
+    refuse_masked(given, "the values of a label map", "an array (i, j, k)")
     try:
         values = np.asarray(given)
     except ValueError:  # rows of different lengths

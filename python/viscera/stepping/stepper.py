@@ -30,7 +30,7 @@ from viscera.contact.shapes import AnyShape, Box, Capsule, Sphere
 from viscera.contact.tool import Tool, contacts
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
-from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
+from viscera.quantity import Choice, Number, Whole, numbers_of, refuse_masked, refused, vector
 from viscera.solver import Solver, core_solver
 from viscera.stepping.dynamics import Integration, Prony, core_integration
 from viscera.stepping.frame import Frame
@@ -98,6 +98,7 @@ class Stepper:
 
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:
+        refuse_masked(value, "velocity", "an array (n, 3) of numbers [m/s]")
         try:
             rows = np.array(value, dtype=float, ndmin=2)
         except ValueError as error:
