@@ -90,3 +90,17 @@ def test_an_array_that_is_given_may_change_afterwards(bar: vs.Mesh) -> None:
     assert isinstance(bed.where, np.ndarray)
     assert np.array_equal(bed.where, bar.nodes("root"))
     assert np.allclose(law.young, 1e5)
+
+
+def test_a_probe_is_moved_and_not_assigned(bar: vs.Mesh) -> None:
+    touch = vs.Organ(bar, LAW, "root").reduce("x > 99%", depth="1%", order=2)
+    probe: Any = touch.probe(friction=0.3)
+    felt = probe.place(touch.mesh.points[0] + 1.0)
+    assert np.array_equal(probe.position, felt.center)
+    for name, remedy in {
+        "radius": "make another",
+        "friction": "make another",
+        "position": "`place` and `move`",
+    }.items():
+        with pytest.raises(vs.VisceraError, match=f"the {name} of a RigidProbe cannot be changed: .*{remedy}"):
+            setattr(probe, name, 0.1)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from viscera import _core
 from viscera.deformed import Deformed
 from viscera.errors import VisceraError
+from viscera.immutable import Immutable
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import Number, refuse_masked, refused, vector
+from viscera.quantity import Number, refused, vector
 from viscera.sealed import read_only
 from viscera.select import length
 
@@ -92,7 +93,7 @@ class Felt(Deformed):
         return f"Felt({self.grip}, force={np.round(self.force, 4).tolist()} N, {trust})"
 
 
-class RigidProbe:
+class RigidProbe(Immutable):
     """A rigid sphere on a reduced model, with Coulomb friction: made by `Touch.probe`, moved from tick to tick.
 
     The rotation of the sphere does not matter: it neither rolls nor spins.
@@ -110,6 +111,8 @@ class RigidProbe:
     [0.0, 0.0, 0.0]
     """
 
+    _others: ClassVar[Mapping[str, str]] = {"position": "`place` and `move` move it"}
+
     def __init__(
         self,
         touch: Touch,
@@ -120,10 +123,10 @@ class RigidProbe:
         damping: float,
     ) -> None:
         self._touch = touch
-        self.radius = touch.radius if radius is None else length(radius, touch.mesh.diagonal, "the radius of a probe")
-        self.friction = Number(low=0.0, high=1e3)(friction, "the friction of a probe")
-        self.position: Floats | None = None
-        """Centre (3,) of the sphere [m]; None before it is placed."""
+        given = touch.radius if radius is None else length(radius, touch.mesh.diagonal, "the radius of a probe")
+        self.radius: Final[float] = given
+        self.friction: Final = Number(low=0.0, high=1e3)(friction, "the friction of a probe")
+        self._position: Floats | None = None
         self._last: Felt | None = None
         if stiffness is None and damping != 0.0:
             raise VisceraError("a probe without stiffness= has no coupling that damping= could damp")
@@ -133,6 +136,11 @@ class RigidProbe:
             coupling = above, Number(low=0.0)(damping, "the damping of the coupling")
         share = Number(above=0, high=1)(tolerance, "the tolerance of a probe")
         self._core = _core.Probe(touch._model, self.radius, self.friction, share, coupling)
+
+    @property
+    def position(self) -> Floats | None:
+        """Centre (3,) of the sphere [m]; None before it is placed."""
+        return self._position
 
     def place(self, position: ArrayLike) -> Felt:
         """Put the centre of the sphere at (3,) [m], and tell what it feels there.
@@ -193,11 +201,11 @@ class RigidProbe:
         'inside'
         """
         self._core.lift()
-        self.position = self._last = None
+        self._position = self._last = None
 
     def _felt(self, told: dict[str, Any]) -> Felt:
         self._last = felt = Felt(self._touch, told)
-        self.position = felt.center.copy()  # what was told is the caller's, who may change it
+        self._position = felt.center
         return felt
 
     def __reduce__(self) -> str:
@@ -208,7 +216,7 @@ class RigidProbe:
         return f"RigidProbe(radius={self.radius:g}, friction={self.friction:g})"
 
 
-class Probes:
+class Probes(Immutable):
     """Several rigid probes on one reduced model that feel each other through the organ (docs/probe.md).
 
     Each meets the surface as the others leave it. To first order of the displacements this is exact; what large strains
@@ -230,7 +238,7 @@ class Probes:
     def __init__(self, probes: Sequence[RigidProbe]) -> None:
         if isinstance(probes, RigidProbe) or not isinstance(probes, Sequence):
             raise refused("probes", "a list of probes made by touch.probe()", probes)
-        self.probes = tuple(probes)
+        self.probes: Final = tuple(probes)
         if not self.probes:
             raise VisceraError("there are no probes; give at least one, made by touch.probe()")
         for number, probe in enumerate(self.probes):
@@ -306,7 +314,6 @@ class Probes:
         return sum(fields, np.zeros((len(self._touch.mesh.points), 3)))
 
     def _vectors(self, values: ArrayLike, name: str) -> Floats:
-        refuse_masked(values, name, "vectors (x, y, z) [m]")
         try:
             given = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
