@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera import cli
 from viscera.viewer.live import live_case
 from viscera.viewer.scene import live_scene
 
@@ -107,6 +108,16 @@ def test_a_case_may_float_until_it_is_solved(floating: vs.Organ, tmp_path: Path)
         assert organ.stepper(density=1000.0, time_step=0.01, dynamics="backward_euler").frame().is_settled
         with pytest.raises(vs.VisceraError, match=f"^{re.escape(f'{case.file}: {IN_SOLVE}')}"):
             case.solve(organ)
+
+
+@pytest.mark.parametrize("verb", ["solve", "compare", "view"])
+def test_commands_name_the_file_of_a_case_that_floats(
+    floating: vs.Organ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    floating.to_case("free.toml")
+    assert cli.main([verb, "free.toml"]) == 2
+    assert f"viscera {verb}: free.toml: nothing is fixed: " in capsys.readouterr().err
 
 
 def test_a_scene_with_joints_is_registered_organ_by_organ(bar: vs.Mesh) -> None:

@@ -13,7 +13,7 @@ from viscera import progress
 from viscera.cases.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.comparison import REFERENCE, Comparison, compare, models
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError, did_you_mean, naming
 from viscera.files.atomic import made_folder
 from viscera.output.kind import CASE, require
 
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     for name in wanted - set(laws):
         raise VisceraError(f"unknown model {name!r}; {did_you_mean(name, laws)}")
     laws = {name: law for name, law in laws.items() if name in wanted}
-    with progress.bar(output.is_quiet) as bar:
+    with naming(case.file), progress.bar(output.is_quiet) as bar:
         result = compare(organ, laws=laws, reference=args.reference, progress=bar, **case.loading())
     output.say(result.table())
     for name, each in result.runs.items():
