@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from viscera.boundary.loads import prescribed
 from viscera.display import Pictured, Tabled
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError
 from viscera.files.atomic import replacing
 from viscera.law import Corotated, Law, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.mesh import Floats, Mesh
 from viscera.organ import Organ
 from viscera.progress import Progress, shown
+from viscera.quantity import Choice, brief, refused
 from viscera.sealed import Sealed
 from viscera.select import AXES
 from viscera.state import State
@@ -217,6 +218,18 @@ def moduli(law: Law) -> tuple[Floats, Floats]:
     return mu, lam
 
 
+def _checked(laws: Mapping[str, Law]) -> Mapping[str, Law]:
+    """The laws of a comparison; raises `VisceraError` if they are no laws by name."""
+    if not isinstance(laws, Mapping) or not all(isinstance(name, str) for name in laws):
+        raise refused(
+            "laws", "a mapping from names to laws, such as {'soft': NeoHookean(young=1e3, poisson=0.4)}", laws
+        )
+    for name, law in laws.items():
+        if not isinstance(law, Law):
+            raise refused(f"the law {brief(name)}", "a law, such as NeoHookean(young=1e3, poisson=0.4)", law)
+    return laws
+
+
 @shown
 def compare(
     organ: Organ,
@@ -239,9 +252,8 @@ def compare(
     >>> table.is_converged, list(table.runs)[:2]
     (True, ['Linear', 'Corotated'])
     """
-    laws = models(organ.law) if laws is None else laws
-    if reference not in laws:
-        raise VisceraError(f"unknown reference {reference!r}; {did_you_mean(reference, laws)}")
+    laws = models(organ.law) if laws is None else _checked(laws)
+    Choice(laws)(reference, "the reference")
     states: dict[str, State] = {}
     for step, (name, law) in enumerate(laws.items()):
         # One solver for all, as for their times.

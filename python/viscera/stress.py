@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.files.mesh import EDGES
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import Choice
+from viscera.quantity import Choice, numbers_of, refused
 from viscera.sealed import Sealed
 
 STRESSES = ("cauchy", "pk1", "pk2")
@@ -133,18 +133,20 @@ class Response(Sealed):
         return self.pk1
 
 
-def principal(tensor: Floats) -> Floats:
+def principal(tensor: ArrayLike) -> Floats:
     """Principal values (..., 3) of symmetric tensors (..., 3, 3), largest first.
 
     >>> principal(np.diag([1.0, 3.0, 2.0])).tolist()
     [3.0, 2.0, 1.0]
     """
-    tensor = np.asarray(tensor, dtype=float)
-    if tensor.shape[-2:] != (3, 3):
-        raise VisceraError(f"principal values are those of tensors (..., 3, 3), not of an array {tensor.shape}")
-    if np.abs(tensor - tensor.swapaxes(-1, -2)).max(initial=0.0) > SYMMETRIC * np.abs(tensor).max(initial=0.0):
+    numbers = numbers_of(tensor)
+    if numbers is None or not np.isfinite(numbers).all():
+        raise refused("the tensor", "an array (..., 3, 3) of finite numbers", tensor)
+    if numbers.shape[-2:] != (3, 3):
+        raise VisceraError(f"principal values are those of tensors (..., 3, 3), not of an array {numbers.shape}")
+    if np.abs(numbers - numbers.swapaxes(-1, -2)).max(initial=0.0) > SYMMETRIC * np.abs(numbers).max(initial=0.0):
         raise VisceraError("principal values are those of symmetric tensors; of stresses take 'cauchy' or 'pk2'")
-    return np.asarray(np.linalg.eigvalsh(tensor)[..., ::-1])
+    return np.asarray(np.linalg.eigvalsh(numbers)[..., ::-1])
 
 
 def pressure(stress: Floats) -> Floats:

@@ -17,7 +17,7 @@ from viscera.cases.case import NAMES, PLACED, Case, read_case
 from viscera.errors import VisceraError
 from viscera.files.atomic import replacing
 from viscera.mesh import Floats, Indices, Mesh, Where
-from viscera.quantity import brief, path_of
+from viscera.quantity import brief, path_of, refused
 from viscera.reduced.vary import Vary
 from viscera.select import FREE
 
@@ -48,8 +48,8 @@ def write(
     words: dict[str, Any] = {
         **organ_words(organ, places, mesh_file.name),
         **solve_words(loads, settings, places),
-        "scan": load_words(scan or {}, places),
-        "reduce": _reduction(reduction or {}, places),
+        "scan": load_words(_table(scan, "scan"), places),
+        "reduce": _reduction(_table(reduction, "reduction"), places),
     }
     words = {name: plain(word) for name, word in words.items() if word != {}}
     Case(**{NAMES.get(name, name): word for name, word in words.items()})  # refused before anything is written
@@ -203,8 +203,7 @@ def solve_words(
 
     Raises `VisceraError` for a setting that both give, with different values.
     """
-    given = dict(loads or {})
-    table = dict(settings or {})
+    given, table = _table(loads, "loads"), _table(settings, "settings")
     for word, key in IN_SOLVE.items():
         value = given.pop(word, None)
         if value is None:
@@ -233,6 +232,13 @@ def load_words(loads: Mapping[str, Any], places: Named) -> dict[str, Any]:
         moved = words["displacement"].items()
         words["displacement"] = {place: [FREE if c is None else c for c in target] for place, target in moved}
     return words
+
+
+def _table(given: Mapping[str, Any] | None, name: str) -> dict[str, Any]:
+    """An argument of `to_case` that becomes a table of the case; raises `VisceraError` if it is none."""
+    if not isinstance(given, Mapping | None) or not all(isinstance(key, str) for key in given or {}):
+        raise refused(name, 'a mapping by name, such as {"density": 1060}', given)
+    return dict(given or {})
 
 
 def _reduction(reduction: Mapping[str, Any], places: Places) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from viscera.errors import VisceraError, did_you_mean, refuse_case_file
 from viscera.files import febio, gmsh_names
 from viscera.files.atomic import replacing, writable
-from viscera.quantity import Number, path_of
+from viscera.quantity import Number, brief, path_of
 
 if TYPE_CHECKING:
     import meshio
@@ -97,14 +97,18 @@ def checked(path: str | os.PathLike[str], names: Iterable[str] = ()) -> Path:
 def _refuse_names(ending: str, names: Iterable[str]) -> None:
     """Raises `VisceraError` for a name that would not be read again as it is."""
     for name in names:
+        if ending != ".mesh" and any("\ud800" <= letter <= "\udfff" for letter in name):
+            raise VisceraError(
+                f"the name {brief(name)} of a set holds half of a letter, which no file can say; rename the set"
+            )
         unsaid = next((letter for letter in name if letter in UNSAID.get(ending, "") or ord(letter) < 32), None)
         if unsaid is not None and ending != ".mesh":
             raise VisceraError(
-                f"the name {name!r} of a set holds {unsaid!r}, which {ending} cannot say; rename the set"
+                f"the name {brief(name)} of a set holds {unsaid!r}, which {ending} cannot say; rename the set"
             )
         if ending == ".inp" and name != name.strip():
             raise VisceraError(
-                f"the name {name!r} of a set begins or ends in a space, which .inp loses; rename the set"
+                f"the name {brief(name)} of a set begins or ends in a space, which .inp loses; rename the set"
             )
 
 

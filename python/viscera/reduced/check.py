@@ -306,7 +306,8 @@ class _Asked:
 def _depth_fractions(touch: Touch, depths: Iterable[float | str] | None) -> list[float]:
     diagonal = touch.mesh.diagonal
     deepest = touch.depth / diagonal
-    if isinstance(depths, str) or not isinstance(depths, Iterable | None):
+    is_one = isinstance(depths, str) or (isinstance(depths, np.ndarray) and depths.ndim == 0)
+    if is_one or not isinstance(depths, Iterable | None):
         raise refused("depths", "a list of lengths, such as ['5%', '10 mm']", depths)
     if depths is None:
         return sorted({min(fraction, deepest) for fraction in defaults.CHECK_DEPTH_FRACTIONS})
