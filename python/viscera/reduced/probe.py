@@ -14,7 +14,7 @@ from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.immutable import Immutable
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import Number, refused, vector
+from viscera.quantity import Number, refuse_masked, refused, vector
 from viscera.sealed import read_only
 from viscera.select import length
 
@@ -314,6 +314,7 @@ class Probes(Immutable):
         return sum(fields, np.zeros((len(self._touch.mesh.points), 3)))
 
     def _vectors(self, values: ArrayLike, name: str) -> Floats:
+        refuse_masked(values, name, "vectors (x, y, z) [m]")
         try:
             given = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
