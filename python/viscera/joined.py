@@ -16,6 +16,7 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.members import sets_within
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.organ import Organ
+from viscera.quantity import brief
 
 if TYPE_CHECKING:
     from viscera.boundary.bond import Bond, Pieces
@@ -77,7 +78,7 @@ def parted_mesh(mesh: Mesh) -> dict[str, Mesh]:
 def require_organ(name: str, organs: Collection[str]) -> None:
     """Raise `VisceraError` unless an organ has this name."""
     if name not in organs:
-        raise VisceraError(f"no organ of the scene is called {name!r}; {did_you_mean(str(name), organs)}")
+        raise VisceraError(f"no organ of the scene is called {brief(name)}; {did_you_mean(str(name), organs)}")
 
 
 def sides_of(

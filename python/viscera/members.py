@@ -22,10 +22,10 @@ def members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floa
         return sets[where]
     if isinstance(where, str):
         if not is_condition(where):
-            raise VisceraError(f"the mesh has no {noun} set {where!r}; {did_you_mean(where, sets)}")
+            raise VisceraError(f"the mesh has no {noun} set {brief(where)}; {did_you_mean(where, sets)}")
         found = np.flatnonzero(conditional(places, where, box, sets, noun))
         if len(found) == 0:
-            raise VisceraError(f"{where!r} selects no {noun}; {extent(box)}")
+            raise VisceraError(f"{brief(where)} selects no {noun}; {extent(box)}")
         return found.astype(np.uint32)
     if callable(where):
         chosen = where(places)

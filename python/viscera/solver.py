@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from viscera import _core, gpu
 from viscera.errors import VisceraError, did_you_mean
-from viscera.quantity import Choice, Flag, Number, Whole, refused
+from viscera.quantity import Choice, Flag, Number, Whole, brief, refused
 
 Rule: TypeAlias = Number | Whole | Flag
 
@@ -76,7 +76,7 @@ class ConjugateGradients:
     def __post_init__(self) -> None:
         if self.preconditioner not in PRECONDITIONERS:
             hint = did_you_mean(str(self.preconditioner), PRECONDITIONERS)
-            raise VisceraError(f"no preconditioner is called {self.preconditioner!r}; {hint}")
+            raise VisceraError(f"no preconditioner is called {brief(self.preconditioner)}; {hint}")
         for name, row in _CG.items():
             _rule(row)(getattr(self, name), f"{name} of conjugate gradients")
         Choice(("cpu", "gpu"))(self.device, "the device")
@@ -116,7 +116,7 @@ def core_solver(solver: Solver) -> _core.Solver:
     if solver in ("cholesky", "auto"):
         return {"name": solver, "settings": {}, "device": "cpu"}
     hint = did_you_mean(str(solver), NAMES)
-    raise VisceraError(f"no solver is called {solver!r}; {hint}; or give a viscera.ConjugateGradients")
+    raise VisceraError(f"no solver is called {brief(solver)}; {hint}; or give a viscera.ConjugateGradients")
 
 
 def newton_settings(given: Mapping[str, Any] | None) -> dict[str, float]:
@@ -125,5 +125,5 @@ def newton_settings(given: Mapping[str, Any] | None) -> dict[str, float]:
         raise refused("settings", "a mapping, such as {'tolerance': 1e-10}", given)
     for name in given or {}:
         if name not in NEWTON:
-            raise VisceraError(f"Newton's iteration has no setting {name!r}; {did_you_mean(str(name), NEWTON)}")
+            raise VisceraError(f"Newton's iteration has no setting {brief(name)}; {did_you_mean(str(name), NEWTON)}")
     return {name: float(NEWTON[name][0](value, f"{name} in settings")) for name, value in (given or {}).items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 import viscera as vs
 
+LONG = "a" * 5000
 LAW = vs.NeoHookean(young=1e5, poisson=0.3)
 
 
@@ -67,3 +69,26 @@ def test_half_a_letter_is_no_name_in_a_file(bar: vs.Mesh, tmp_path: Path, ending
     ):
         bar.with_sets(**{"bad\udcff": [0, 1, 2]}).write(tmp_path / f"mesh{ending}")
     assert not [*tmp_path.iterdir()]
+
+
+NAMED: dict[str, Callable[[vs.Organ], Any]] = {
+    "fixed": lambda organ: vs.Organ(organ.mesh, LAW, fixed=LONG),
+    "a condition": lambda organ: organ.mesh.nodes(f"x > 1 m and {'x > 1 m and ' * 500}x > 1 m"),
+    "solver": lambda organ: organ.solve(gravity=(0, 0, 1), density=1.0, solver=LONG),
+    "preconditioner": lambda _: vs.ConjugateGradients(LONG),
+    "settings": lambda organ: organ.solve(force={"tip": (0, 0, 1)}, settings={LONG: 1}),
+    "units": lambda _: vs.read("mesh.vtu", units=LONG),
+    "mode": lambda _: vs.MaterialTest(LONG, [1, 1.1], [0, 1]),
+    "laws": lambda organ: vs.compare(organ, laws=LONG, force={"tip": (0, 0, 1)}),  # type: ignore[arg-type]
+    "reference": lambda organ: vs.compare(organ, reference=LONG, force={"tip": (0, 0, 1)}),
+    "landmarks": lambda organ: organ.register(landmarks={LONG: (0, 0, 0)}, noise=1e-3),
+    "dynamics": lambda organ: organ.stepper(dynamics=LONG, density=1e3, time_step=0.1),
+}
+
+
+@pytest.mark.parametrize("what", NAMED)
+def test_a_long_name_is_told_in_short(organ: vs.Organ, what: str) -> None:
+    with pytest.raises(vs.VisceraError) as refusal:
+        NAMED[what](organ)
+    assert "..." in str(refusal.value)
+    assert len(str(refusal.value)) < 500

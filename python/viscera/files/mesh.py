@@ -78,7 +78,9 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         points, blocks, sets, cell_sets = found
         axes = stated_axes(path) if ending == ".vtu" else ""
         if axes and scale != 1.0:
-            raise VisceraError(f'it states its unit, metres, and the units are {units!r}: leave them out, or say "m"')
+            raise VisceraError(
+                f'it states its unit, metres, and the units are {brief(units)}: leave them out, or say "m"'
+            )
         return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets, axes=axes))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
@@ -193,7 +195,7 @@ def metres_per_unit(units: str | float) -> float:
     """The factor from a unit's name, or the factor itself, to metres."""
     if isinstance(units, str):
         if units not in METRES:
-            raise VisceraError(f"unknown unit {units!r}; {did_you_mean(units, METRES)}, or give metres per unit")
+            raise VisceraError(f"unknown unit {brief(units)}; {did_you_mean(units, METRES)}, or give metres per unit")
         return METRES[units]
     return Number("m", above=0)(units, "units, if they are metres per unit,")
 

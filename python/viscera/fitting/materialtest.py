@@ -43,7 +43,7 @@ class MaterialTest(Sealed):
 
     def __init__(self, mode: str, stretch: ArrayLike, stress: ArrayLike, name: str = "test") -> None:
         if not isinstance(mode, str) or mode not in MODES:
-            raise VisceraError(f"{name}: no deformation is called {mode!r}; {did_you_mean(str(mode), MODES)}")
+            raise VisceraError(f"{name}: no deformation is called {brief(mode)}; {did_you_mean(str(mode), MODES)}")
         values = {"mode": mode, "name": name}
         curves = {"stretch": _curve(name, "stretch", stretch), "stress": _curve(name, "stress", stress)}
         for what, value in {**values, **curves}.items():

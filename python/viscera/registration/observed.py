@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import numbers_of, refused, vector
+from viscera.quantity import brief, numbers_of, refused, vector
 
 LARGEST_CLOUD = 4.0
 """Diagonals of the organ; a cloud wider than that is of something else, or in another unit."""
@@ -156,7 +156,7 @@ def _landmarks(
         raise refused("landmarks", "{name of a node set: (x, y, z)} [m]", landmarks)
     unknown = [name for name in landmarks if name not in mesh.sets]
     if unknown:
-        raise VisceraError(f"no node set is called {unknown[0]!r}; {did_you_mean(str(unknown[0]), mesh.sets)}")
+        raise VisceraError(f"no node set is called {brief(unknown[0])}; {did_you_mean(str(unknown[0]), mesh.sets)}")
     sets = [mesh.sets[name].astype(np.int64) for name in landmarks]
     members = [(nodes, np.full(len(nodes), 1.0 / len(nodes))) for nodes in sets]
     measured = [vector(place, f"landmark {name!r}", "m") for name, place in landmarks.items()]

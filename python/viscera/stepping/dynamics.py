@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from viscera.errors import VisceraError, did_you_mean
-from viscera.quantity import Number, numbers_of, refused
+from viscera.quantity import Number, brief, numbers_of, refused
 
 
 @dataclass(frozen=True)
@@ -98,4 +98,4 @@ def core_integration(dynamics: Integration) -> tuple[float, float] | None:
     if isinstance(dynamics, BackwardEuler) or dynamics == "backward_euler":
         return None
     hint = did_you_mean(str(dynamics), ("newmark", "backward_euler"))
-    raise VisceraError(f"no integration is called {dynamics!r}; {hint}")
+    raise VisceraError(f"no integration is called {brief(dynamics)}; {hint}")
