@@ -296,5 +296,7 @@ start = "loads"
     case = read_case(path)
     organ = case.organ()
     monkeypatch.setattr(vs.Organ, "solve", lambda *_, **__: pytest.fail("the loads are solved"))
-    with pytest.raises(vs.VisceraError, match=rf"beam.toml: \[reduce\]: {sentence}; it may be at most the organ's diagonal, 1.03923 m"):
+    with pytest.raises(
+        vs.VisceraError, match=rf"beam.toml: \[reduce\]: {sentence}; it may be at most the organ's diagonal, 1.03923 m"
+    ):
         case.reduce(organ)
