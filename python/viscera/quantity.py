@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from viscera.errors import VisceraError, did_you_mean
 
+PLAIN = {float, int, str, type(None)}
+"""Classes of what is neither a boolean nor masked, known by a look: a haptic loop asks a thousand times a second."""
 LARGEST = {
     "": 1e15,
     "m": 1e3,
@@ -207,6 +209,8 @@ def brief(value: Any) -> str:
 
 def hides_no_number(value: Any) -> bool:
     """Whether something is a boolean, which NumPy turns into a number beside other numbers, or masked."""
+    if type(value) in PLAIN:
+        return False
     if isinstance(value, list | tuple):
         return any(map(hides_no_number, value))
     return isinstance(value, bool | np.bool_) or hides_masked(value)

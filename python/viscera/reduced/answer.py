@@ -41,9 +41,9 @@ class Answer(Deformed):
 
     def __init__(self, model: Touch, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
         self._model, self._touch = model, (point, displacement)
-        self.force: Floats = result["force"]
+        self.force: Floats = read_only(result["force"])
         """Force (3,) [N] of the tool on the organ."""
-        self.stiffness: Floats = result["stiffness"]
+        self.stiffness: Floats = read_only(result["stiffness"])
         """Derivative (3, 3) [N/m] of the force with respect to the contact displacement."""
         self.error_estimate: float = result["error_estimate"]
         """Estimated error of the force, relative to its norm; at most 1."""
@@ -60,9 +60,8 @@ class Answer(Deformed):
         """Whether the displacement may be relied on."""
         self.shape_reason: str = result["shape_reason"]
         """Why the displacement is not trusted; empty if it is."""
-        self.contact_point: Floats = result["contact_point"]
+        self.contact_point: Floats = read_only(result["contact_point"])
         """The point (3,) [m] of the touchable surface that is touched."""
-        self._seal()
 
     @cached_property
     def displacement(self) -> Floats:
