@@ -146,7 +146,7 @@ class Deformed(Sealed):
 
     def _its_ties(self, support: Tied | Bond) -> list[Ties]:
         """The samples of a support or of a bond; raises `VisceraError` if it is none of the organ's."""
-        from viscera.kept import among_those_of_a_model
+        from viscera.kept_ties import among_those_of_a_model
 
         organ, _ = self._from_rest()
         its = [ties for own, ties in zip(organ.supports, organ._tied, strict=True) if own.is_same(support)]

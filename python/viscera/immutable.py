@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from viscera.errors import VisceraError
+from viscera.sealed import read_only
 
 
 class Immutable:
@@ -46,6 +47,4 @@ def _kept(value: Any) -> Any:
     """An array as a read-only copy, anything else as it is."""
     if not isinstance(value, np.ndarray):
         return value
-    copy = value.copy()
-    copy.flags.writeable = False
-    return copy
+    return read_only(value.copy())

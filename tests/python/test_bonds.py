@@ -1,4 +1,4 @@
-"""How bonds are asked for, and what reduced models know of them."""
+"""How bonds are asked for, what they hold, and what reduced models know of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.python.test_scene import ELEMENTS, SIDE, SOFT
+from tests.python.test_scene import block as raised
 from tests.python.test_supports import block
 
 import viscera as vs
@@ -39,6 +41,42 @@ def test_surfaces_are_joined_once() -> None:
     scene = vs.Scene(organs, bonds=[vs.Bond("lower/x < 51%", "upper"), vs.Bond("lower/x > 49%", "upper"), *springs])
     again = scene.with_mesh(scene.mesh).with_law(TISSUE)
     assert len(again.bonds) == 4
+
+
+def test_a_chain_of_bonds_must_be_held_somewhere() -> None:
+    """Bonds join what they hold; a scene that slides as a whole is refused."""
+    soft = [vs.ElasticSupport("west", 1e3, 0.0)]
+    lower, upper = vs.Organ(raised(2), SOFT, supports=soft), vs.Organ(raised(3, SIDE), SOFT, supports=soft)
+    scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")])
+    with pytest.raises(vs.VisceraError, match="3 of its 6 rigid motions are free"):
+        scene.solve(force={"upper/top": (0.1, 0.0, 0.0)})
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_bonds_alone_hold_an_organ(element: str) -> None:
+    """As they do where a support too weak to be felt holds it too: in statics and in frames."""
+    lower = vs.Organ(raised(2), SOFT, fixed="base", element=element)
+    free = vs.Organ(raised(3, SIDE), SOFT, element=element)
+    weak = vs.Organ(free.mesh.linear(), SOFT, supports=[vs.ElasticSupport("top", 1e-3)], element=element)
+    load = {"upper/top": (0.2, 0.0, -0.5)}
+    held, bonded = (
+        vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")]) for upper in (weak, free)
+    )
+    expected = held.solve(force=load, throw=True).displacement
+    assert abs(bonded.solve(force=load, throw=True).displacement - expected).max() < 1e-7
+    frame = bonded.stepper(iterations=20, settled=1e-9).frame(force=load)
+    assert frame.is_settled
+    assert abs(frame.displacement - expected).max() < 1e-7
+
+
+def test_an_organ_that_its_bonds_do_not_hold_is_named() -> None:
+    """A sliding bond leaves it three motions, and without a bond it has all six."""
+    organs = {"lower": vs.Organ(raised(2), SOFT, fixed="base"), "upper": vs.Organ(raised(3, SIDE), SOFT)}
+    slides = vs.Scene(organs, bonds=[vs.Bond("lower", "upper", sliding=True)])
+    with pytest.raises(vs.VisceraError, match=r"the part with node \d+ of 'upper' .* \(3 of its 6 rigid motions"):
+        slides.solve()
+    with pytest.raises(vs.VisceraError, match=r"1 of the mesh's 2 disconnected parts .* \(node 0 of 'upper' among"):
+        vs.Scene(organs).stepper()
 
 
 def bonded(element: str = "P1", **told: Any) -> vs.Scene:

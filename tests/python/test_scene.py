@@ -238,42 +238,6 @@ def test_what_is_no_scene_is_refused(made: object, said: str) -> None:
         made(lower, upper)  # type: ignore[operator]
 
 
-def test_a_chain_of_bonds_must_be_held_somewhere() -> None:
-    """Bonds join what they hold; a scene that slides as a whole is refused."""
-    soft = [vs.ElasticSupport("west", 1e3, 0.0)]
-    lower, upper = vs.Organ(block(2), SOFT, supports=soft), vs.Organ(block(3, SIDE), SOFT, supports=soft)
-    scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")])
-    with pytest.raises(vs.VisceraError, match="3 of its 6 rigid motions are free"):
-        scene.solve(force={"upper/top": (0.1, 0.0, 0.0)})
-
-
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_bonds_alone_hold_an_organ(element: str) -> None:
-    """As they do where a support too weak to be felt holds it too: in statics and in frames."""
-    lower = vs.Organ(block(2), SOFT, fixed="base", element=element)
-    free = vs.Organ(block(3, SIDE), SOFT, element=element)
-    weak = vs.Organ(free.mesh.linear(), SOFT, supports=[vs.ElasticSupport("top", 1e-3)], element=element)
-    load = {"upper/top": (0.2, 0.0, -0.5)}
-    held, bonded = (
-        vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")]) for upper in (weak, free)
-    )
-    expected = held.solve(force=load, throw=True).displacement
-    assert abs(bonded.solve(force=load, throw=True).displacement - expected).max() < 1e-7
-    frame = bonded.stepper(iterations=20, settled=1e-9).frame(force=load)
-    assert frame.is_settled
-    assert abs(frame.displacement - expected).max() < 1e-7
-
-
-def test_an_organ_that_its_bonds_do_not_hold_is_named() -> None:
-    """A sliding bond leaves it three motions, and without a bond it has all six."""
-    organs = {"lower": vs.Organ(block(2), SOFT, fixed="base"), "upper": vs.Organ(block(3, SIDE), SOFT)}
-    slides = vs.Scene(organs, bonds=[vs.Bond("lower", "upper", sliding=True)])
-    with pytest.raises(vs.VisceraError, match=r"the part with node \d+ of 'upper' .* \(3 of its 6 rigid motions"):
-        slides.solve()
-    with pytest.raises(vs.VisceraError, match=r"1 of the mesh's 2 disconnected parts .* \(node 0 of 'upper' among"):
-        vs.Scene(organs).stepper()
-
-
 def pile(
     laws: tuple[vs.laws.Law, ...] = (SOFT, SOFT), apart: float = 0.0, element: str = "P1", **told: Any
 ) -> vs.Scene:
