@@ -101,7 +101,7 @@ pub(super) struct Ending {
     pub unfinished: usize,
     /// The last relative residual of the last load step that succeeded, and the tolerance: rounding may have stopped above
     /// it.
-    pub left: f64,
+    pub residual: f64,
     pub tolerance: f64,
 }
 
@@ -121,10 +121,10 @@ impl Ending {
             (false, Some(cut)) => format!("stopped at load {load:.4}: {}", cut.sentence()),
             _ => format!("converged in {} iterations", self.iterations),
         };
-        if is_converged && self.left > self.tolerance {
+        if is_converged && self.residual > self.tolerance {
             text += &format!(
                 ", as far as rounding allows (relative residual {:.1e}, tolerance {:.0e})",
-                self.left, self.tolerance
+                self.residual, self.tolerance
             );
         }
         if let Some((load, dof)) = self.unstable {

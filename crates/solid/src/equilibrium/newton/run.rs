@@ -369,7 +369,7 @@ impl<'a> Run<'a> {
             unstable: self.unstable,
             fall: self.fall,
             unfinished: self.unfinished,
-            left: self.residuals.last().and_then(|step| step.last()).copied().unwrap_or(0.0),
+            residual: self.residuals.last().and_then(|step| step.last()).copied().unwrap_or(0.0),
             tolerance: self.settings.tolerance,
         };
         Equilibrium {

@@ -13,7 +13,7 @@ fn stopped(cut: Cut) -> Ending {
         unstable: None,
         fall: None,
         unfinished: 0,
-        left: 0.0,
+        residual: 0.0,
         tolerance: 1e-9,
     }
 }
@@ -118,7 +118,7 @@ fn linear_systems_that_were_left_unfinished_are_told() {
 fn a_residual_that_rounding_leaves_above_the_tolerance_is_told() {
     let body = bulky(2.0);
     let load = problem(&body, clamped(&body));
-    let ended = |left| Ending { load: 1.0, cut: None, left, ..stalled(0.0) }.message(&load);
+    let ended = |residual| Ending { load: 1.0, cut: None, residual, ..stalled(0.0) }.message(&load);
     assert_eq!(ended(1e-10), "converged in 40 iterations");
     let said = "converged in 40 iterations, as far as rounding allows (relative residual 3.9e-9, tolerance 1e-9)";
     assert_eq!(ended(3.9e-9), said);
