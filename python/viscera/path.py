@@ -62,6 +62,10 @@ class Path:
     """The organ whose path it is."""
     until: float = 1.0
     """The load factor that was asked for."""
+    parameter: str = "load"
+    """The path parameter: "load" or "arc length"."""
+    max_expansions: int = 50
+    """How many expansions it was allowed."""
 
     @property
     def load(self) -> float:
@@ -82,14 +86,20 @@ class Path:
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> path = beam.path(force={"tip": (0, 0, -10.0)}, order=3, max_expansions=2)
         >>> path.is_complete, path.message.partition(";")[2]
-        (False, ' allow more of them, a higher order or a larger tolerance')
+        (False, ' allow more of them (max_expansions), a higher order or a larger tolerance')
         """
         if self.is_complete:
             return ""
-        end, count = f"the path ends at load {self.load:.3g} of {self.until:g}", len(self.expansions)
-        if self.expansions[-1].range > 0.0 and self.expansions[-1].is_stable:
-            return f"{end} after {count} expansions; allow more of them, a higher order or a larger tolerance"
-        return f"{end} after {count} expansions, unstable or singular there; an arc length passes limit points"
+        count = len(self.expansions)
+        end = f"the path ends at load {self.load:.3g} of {self.until:g} after {count} expansions"
+        if count >= self.max_expansions:
+            return f"{end}; allow more of them (max_expansions), a higher order or a larger tolerance"
+        remedy = (
+            "an arc length passes limit points"
+            if self.parameter == "load"
+            else "another path may begin there, to which a small force aside leads"
+        )
+        return f"{end}, unstable or singular there; {remedy}"
 
     def __repr__(self) -> str:
         words = [f"{len(self.expansions)} expansions", f"load {self.load:.3g}", self.message]

@@ -177,7 +177,7 @@ class Statics(Supported):
             tolerance=tolerance,
             max_expansions=max_expansions,
         )
-        return Path([Expansion(**expansion) for expansion in expansions], self._organ, until)
+        return Path([Expansion(**expansion) for expansion in expansions], self._organ, until, parameter, max_expansions)
 
     def _loads(
         self,

@@ -65,6 +65,7 @@ def test_paths_that_are_refused(bar: vs.Mesh) -> None:
             path.curve(samples)
 
 
+USED_UP = "allow more of them (max_expansions), a higher order or a larger tolerance"
 FIBRES = [(1.0, 0.3, 0.0), (1.0, -0.3, 0.0)]
 SWITCHES = [
     vs.HolzapfelGasserOgden(3e3, 2.4e3, 0.84, fibres=FIBRES, kappa=3e4),
@@ -102,7 +103,7 @@ def test_a_path_says_why_it_ends_early(bar: vs.Mesh) -> None:
     assert not short.is_complete
     assert short.load < 0.9
     assert repr(short) == f"Path(3 expansions, load {short.load:.3g}, {short.message})"
-    assert short.message.endswith("after 3 expansions; allow more of them, a higher order or a larger tolerance")
+    assert short.message.endswith(f"after 3 expansions; {USED_UP}")
     assert whole.is_complete
     assert whole.message == ""
     assert whole.load == pytest.approx(1.0)
@@ -116,4 +117,22 @@ def test_no_limit_point_is_stable(block: Any, order: int) -> None:
     path = organ.path(force={"x > 99%": (-400.0, 1.0, 0.0)}, order=order)
     assert path.load == pytest.approx(0.2183, abs=1e-3)
     assert not path.expansions[-1].is_stable
-    assert "unstable or singular there" in path.message
+    assert path.message.endswith("unstable or singular there; an arc length passes limit points")
+
+
+def test_a_path_by_arc_length_that_ends_beyond_a_limit_point_says_why(cube: vs.Mesh) -> None:
+    organ = vs.Organ(cube, vs.SaintVenantKirchhoff(young=1e5, poisson=0.3), fixed="bottom")
+    path = organ.path(force={"top": (0.0, 0.0, -300.0)}, parameter="arc length", max_expansions=3)
+    assert not path.expansions[-1].is_stable
+    assert path.message.endswith(f"after 3 expansions; {USED_UP}")
+
+
+def test_a_path_by_arc_length_that_finds_no_way_on_advises_no_arc_length(block: Any) -> None:
+    organ = vs.Organ(
+        vs.mesh(*block((6, 2, 2), (1.0, 0.2, 0.2))), vs.SaintVenantKirchhoff(young=1e5, poisson=0.3), fixed="x < 1%"
+    )
+    path = organ.path(force={"x > 99%": (-400.0, 1.0, 0.0)}, order=8, parameter="arc length")
+    assert len(path.expansions) < path.max_expansions
+    assert path.message.endswith(
+        "unstable or singular there; another path may begin there, to which a small force aside leads"
+    )
