@@ -95,8 +95,14 @@ class Deformed(Sealed):
         response = self._response.even() if at == "nodes" else self._response
         return response.at(response.stress(measure), at)
 
+    def _lacks_stress(self) -> str:
+        """Why the stress is not known, in a sentence; empty where it is."""
+        return ""
+
     def _expect_stress(self) -> None:
         """Raises where there is no stress, and warns where there is one that may not be relied on."""
+        if why := self._lacks_stress():
+            raise VisceraError(why)
 
     def _expect_deviatoric_stress(self) -> None:
         """The same for what is free of the pressure."""
@@ -118,9 +124,10 @@ class Deformed(Sealed):
 
         whole, displacement = self._from_rest()
         if isinstance(whole, Scene):
-            return Moved(whole.organ(organ), whole.part(organ, displacement), (self, whole._numbers[organ]))
+            part, nodes = whole.organ(organ), whole._numbers[organ]
+            return Moved(part, whole.part(organ, displacement), source=self, nodes=nodes)
         part, nodes = part_of(whole, organ)
-        return Moved(part, displacement[nodes], (self, nodes))
+        return Moved(part, displacement[nodes], source=self, nodes=nodes)
 
     def support_force(self, support: Tied | Bond) -> Floats:
         """Total force (3,) [N] of one of the organ's elastic supports on it; of a bond, on its first organ.
@@ -219,6 +226,7 @@ class Deformed(Sealed):
         """The fields of written files, by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`,
         `green_strain` and `energy_density`; in those of a `Scene` also `organ`, its number in `organs`. If a cell is
         inverted, they contain no stress, except with the law `Linear`, and no energy that the law does not have there.
+        In a frame of tissue that relaxes they contain no stress.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -234,7 +242,7 @@ class Deformed(Sealed):
         if not self._response.without_value.any():
             strain |= {"energy_density": self.energy_density()}
         strain |= {"organ": organ.of_cell} if isinstance(organ, Scene) else {}
-        if self._response.inverted.any() and not self._response.is_linear:
+        if self._lacks_stress() or (self._response.inverted.any() and not self._response.is_linear):
             return {}, strain
         cells, nodes = self.stress("cauchy"), self.stress("cauchy", "nodes")
         stress = {"cauchy_stress": cells, "von_mises": von_mises(cells), "pressure": pressure(cells)}
@@ -248,7 +256,7 @@ class Deformed(Sealed):
         [J/m^3]. A state and a frame also have `reaction` [N] at points, a registered organ `band` [m] and
         `is_observed`. `.ply`, `.glb`, `.gltf`: the deformed surface with the fields of the points on its vertices.
         `.obj`, `.stl`: the deformed surface alone. If a cell is inverted, no stress is written (`State.message` and a
-        frame in print count such cells), except with the law `Linear`.
+        frame in print count such cells), except with the law `Linear`; nor is that of a frame of tissue that relaxes.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -257,7 +265,7 @@ class Deformed(Sealed):
         >>> beam.moved(0.5 * state.displacement).write("half.vtu")
         """
         target, (mesh, displacement) = statefile.checked(path), self._seen()
-        points, cells = self.fields()
+        points, cells = ({}, {}) if statefile.is_bare(target) else self.fields()
         statefile.write(target, mesh, displacement, {"displacement": displacement} | self._nodal() | points, cells)
 
     def at(self, points: ArrayLike) -> PointValues:
@@ -329,29 +337,37 @@ class Moved(Deformed):
     """
 
     def __init__(
-        self, organ: Organ, displacement: Floats, part_of: tuple[Deformed, NDArray[np.int64]] | None = None
+        self,
+        organ: Organ,
+        displacement: Floats,
+        *,
+        source: Deformed | None = None,
+        nodes: NDArray[np.int64] | None = None,
     ) -> None:
+        """source: whose displacement it is; nodes: the numbers of its nodes there, if it is a part of that."""
         self.organ = organ
         self.displacement = displacement
         """Displacement (n, 3) [m] from rest."""
-        self._whole: Deformed | None
-        self._nodes: NDArray[np.int64]
-        self._whole, self._nodes = part_of or (None, np.empty(0, dtype=np.int64))
+        self._source = source
+        self._nodes = nodes
         self._seal()
 
+    def _lacks_stress(self) -> str:
+        """As its source, such as a frame that does not know its past."""
+        return "" if self._source is None else self._source._lacks_stress()
+
     def _expect_stress(self) -> None:
-        """As of the whole that it is a part of, such as a frame that does not know its past."""
-        if self._whole is not None:
-            self._whole._expect_stress()
+        if self._source is not None:
+            self._source._expect_stress()
 
     def _expect_deviatoric_stress(self) -> None:
-        if self._whole is not None:
-            self._whole._expect_deviatoric_stress()
+        if self._source is not None:
+            self._source._expect_deviatoric_stress()
 
     def _its_ties(self, support: Tied | Bond) -> list[Ties]:
         from viscera.boundary.bond import Bond
 
-        if self._whole is not None and isinstance(support, Bond):
+        if self._nodes is not None and isinstance(support, Bond):
             raise VisceraError(
                 f"{support!r} joins two organs, and this is one of them alone; ask the state, the frame or the answer "
                 "of the whole scene for its force"
@@ -362,9 +378,9 @@ class Moved(Deformed):
         """As the whole that it is a part of knows it: of an answer, by the balance of what is held."""
         from viscera.joined import renumbered
 
-        if self._whole is None:
+        if self._source is None or self._nodes is None:
             return super()._carried(support, its)
-        return self._whole._carried(support, [renumbered(ties, self._nodes) for ties in its])
+        return self._source._carried(support, [renumbered(ties, self._nodes) for ties in its])
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self.organ.mesh, self.displacement

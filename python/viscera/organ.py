@@ -13,7 +13,7 @@ from viscera import defaults, navigation
 from viscera.boundary.holding import AT_REST, BY_NODES
 from viscera.boundary.loads import Density, Displacements, Forces, Pressures, Tractions, are_pairs, by_place
 from viscera.boundary.ties import Tied
-from viscera.deformed import Moved
+from viscera.deformed import Deformed, Moved
 from viscera.errors import VisceraError
 from viscera.law import Law
 from viscera.mesh import Floats, Indices, Mesh, Where
@@ -150,8 +150,9 @@ class Organ(Statics, Reducible):
     def moved(self, displacement: State | Frame | ArrayLike) -> Moved:
         """The organ under any displacement (n, 3) [m] from rest, such as one of a `path`: stress, files and probes.
 
-        Of a state that counts from a scan, the displacement from the unloaded shape is taken. Raises `VisceraError` for
-        a state of an organ of another shape.
+        Of a state that counts from a scan, the displacement from the unloaded shape is taken. What a frame of tissue
+        that relaxes does not know, its stress, is not known of `moved(frame)` either. Raises `VisceraError` for a state
+        of an organ of another shape.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -161,7 +162,8 @@ class Organ(Statics, Reducible):
         '2831 Pa'
         """
         given = displacement_of(displacement, self.mesh, "the displacement of `moved`", "the state given to `moved`")
-        return Moved(self, np.zeros_like(self.mesh.points) if given is None else given)
+        source = displacement if isinstance(displacement, Deformed) else None
+        return Moved(self, np.zeros_like(self.mesh.points) if given is None else given, source=source)
 
     @shown
     def unloaded(

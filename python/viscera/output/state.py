@@ -28,12 +28,13 @@ REGISTERED = "band"
 """The field at points that registered organs alone have. Their displacement leads from the axes of the scan, in which
 the points are, to those of the intervention."""
 VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")
+_BARE = "the deformed surface without its fields, which this format cannot hold"
 SURFACES = {
     ".ply": "the deformed surface, its fields as properties of the vertices",
     ".glb": "the deformed surface, its fields as attributes of the vertices",
     ".gltf": "the deformed surface, its fields as attributes of the vertices",
-    ".obj": "the deformed surface without its fields, which this format cannot hold",
-    ".stl": "the deformed surface without its fields, which this format cannot hold",
+    ".obj": _BARE,
+    ".stl": _BARE,
 }
 Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 """Quaternion that turns z, which is up here, into y, which is up in glTF."""
@@ -52,6 +53,11 @@ def checked(path: str | os.PathLike[str]) -> Path:
             f"{os.fspath(path)}: writing .xdmf needs the package h5py, which is not installed; or use .vtu"
         )
     return writable(path)
+
+
+def is_bare(path: str | os.PathLike[str]) -> bool:
+    """Whether this format holds no fields."""
+    return contents(path) == _BARE
 
 
 def contents(path: str | os.PathLike[str]) -> str:

@@ -106,13 +106,14 @@ class Frame(Deformed, Pictured):
     def _nodal(self) -> dict[str, Floats]:
         return {"reaction": self._reactions}
 
-    def _expect_stress(self) -> None:
-        """Refused if the tissue relaxes, because a frame does not hold the history."""
-        if self._relaxes:
-            raise VisceraError(
-                "the stress of tissue that relaxes depends on its past, which a frame does not hold; "
-                "step without relaxation, or solve"
-            )
+    def _lacks_stress(self) -> str:
+        """A frame does not hold the history of tissue that relaxes."""
+        if not self._relaxes:
+            return ""
+        return (
+            "the stress of tissue that relaxes depends on its past, which a frame does not hold; "
+            "step without relaxation, or solve"
+        )
 
     @property
     def positions(self) -> Floats:
