@@ -273,6 +273,19 @@ def test_what_makes_no_sense_is_said(organ: vs.Organ, message: str, act: Callabl
         act(organ, hand)
 
 
+def test_a_turn_beyond_half_a_turn_is_refused_by_its_own_angle(organ: vs.Organ) -> None:
+    """It ends where a shorter turn the other way does; so do turns that are asked for one after another."""
+    hand = organ.stepper().grasp("tip")
+    for degrees in (91, 190, 270, 350, 360):
+        with pytest.raises(VisceraError, match=f"is to turn by {degrees} degrees in one frame; it can turn by 90 at most"):
+            hand.turn((np.radians(degrees), 0, 0))
+    hand.turn((np.radians(80), 0, 0))
+    for _ in range(4):
+        with pytest.raises(VisceraError, match="is to turn by 160 degrees in one frame"):
+            hand.turn((np.radians(80), 0, 0))
+    assert hand.rotation == pytest.approx(rotation_matrix((np.radians(80), 0, 0)), abs=1e-15)
+
+
 def test_a_place_is_grasped_once(organ: vs.Organ) -> None:
     stepper = organ.stepper()
     hand = stepper.grasp("x > 99%")

@@ -134,7 +134,8 @@ class Hand(Posed):
     def turn(self, by: ArrayLike) -> None:
         """Turn on about its centre by a rotation vector (3,) [rad], in axes of the world, with the next frame.
 
-        A frame turns it by at most a quarter of a full turn. A hand on a patch holds the mean rotation from then on.
+        A frame turns it by at most a quarter of a full turn, all calls together; more is refused here. A hand on a patch
+        holds the mean rotation from then on.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -148,8 +149,12 @@ class Hand(Posed):
         """
         turn = vector(by, "the turn of a hand", "rad")
         self._may("turned")
+        # By the vector's own length: from where they end, turns beyond half a turn look like shorter ones the other way.
+        _require_near(float(np.linalg.norm(turn)))
         self._hold_turn()
-        self._rotation = read_only(self._turned_by(turn))
+        turned = self._turned_by(turn)
+        _require_near(angle_between(self._rotation_now(), turned))
+        self._rotation = read_only(turned)
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
         """Set the place of its centre (3,) [m] for the next frame, and its rotation from the shape at the grasp: a
@@ -279,12 +284,7 @@ class Hand(Posed):
     def _arms_turned(self) -> Floats:
         """Where the arms (k, 3) are to point in the next frame."""
         if self.rotation is not self._reached:
-            angle = angle_between(self._rotation_now(), self.rotation)
-            if angle > FURTHEST_TURN:
-                raise VisceraError(
-                    f"a hand is to turn by {np.degrees(angle):.0f} degrees in one frame; "
-                    f"it can turn by {np.degrees(FURTHEST_TURN):.0f} at most: turn it over several frames"
-                )
+            _require_near(angle_between(self._rotation_now(), self.rotation))
         return np.ascontiguousarray(self._arms @ self.rotation.T)
 
     def _feel(self, displacement: Floats, reactions: Floats, carried: dict[Any, tuple[Floats, Floats]]) -> None:
@@ -301,3 +301,12 @@ class Hand(Posed):
         places = self._rest + displacement[self._nodes]
         arms = places - self._weights @ places
         self._told = forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)
+
+
+def _require_near(angle: float) -> None:
+    """Refuses an angle [rad] by which no frame turns a hand."""
+    if angle > FURTHEST_TURN:
+        raise VisceraError(
+            f"a hand is to turn by {np.degrees(angle):.0f} degrees in one frame; "
+            f"it can turn by {np.degrees(FURTHEST_TURN):.0f} at most: turn it over several frames"
+        )
