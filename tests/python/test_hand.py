@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -277,7 +278,7 @@ def test_a_turn_beyond_half_a_turn_is_refused_by_its_own_angle(organ: vs.Organ) 
     """It ends where a shorter turn the other way does; so do turns that are asked for one after another."""
     hand = organ.stepper().grasp("tip")
     for degrees in (91, 190, 270, 350, 360):
-        with pytest.raises(VisceraError, match=f"is to turn by {degrees} degrees in one frame; it can turn by 90 at most"):
+        with pytest.raises(VisceraError, match=f"to turn by {degrees} degrees in one frame; it can turn by 90 at most"):
             hand.turn((np.radians(degrees), 0, 0))
     hand.turn((np.radians(80), 0, 0))
     for _ in range(4):
@@ -300,3 +301,21 @@ def test_a_place_is_grasped_once(organ: vs.Organ) -> None:
     with pytest.raises(vs.VisceraError, match="'x > 99%' is held twice; let one hand go"):
         stepper.frame()
     moving.release()
+
+
+def test_a_patch_made_anew_is_the_same_place(organ: vs.Organ) -> None:
+    stepper = organ.stepper()
+    patch = functools.partial(organ.patch, (0.4, 0.05, 0.05), radius=0.09)
+    hand = stepper.grasp(patch())
+    where = r"a contact patch of \d+ nodes around \(0.4, 0.0\d+, 0.0\d+\) m"
+    with pytest.raises(vs.VisceraError, match=f"{where} is held already, by the hand at {where}; release that hand"):
+        stepper.grasp(patch())
+    with pytest.raises(vs.VisceraError, match=f"{where} is held twice; let one hand go"):
+        stepper.frame({patch(): (0, 0, 0.001)})
+    hand.pull((0, 0, -0.01))
+    stepper.grasp(patch())
+    assert np.isfinite(stepper.frame({}).displacement).all()
+    hand.hold()
+    with pytest.raises(vs.VisceraError, match=f"{where} is held twice"):
+        stepper.frame()
+    stepper.grasp(organ.patch((0.4, 0.05, 0.05), radius=0.1))

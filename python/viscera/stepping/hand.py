@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from viscera import _core
 from viscera.contact.posed import Posed
 from viscera.errors import VisceraError
-from viscera.mesh import Floats, Indices
+from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import numbers_of, refused, vector
 from viscera.rotation import UNTURNED, angle_between, mean_rotation, spread
 from viscera.sealed import read_only
@@ -134,8 +134,8 @@ class Hand(Posed):
     def turn(self, by: ArrayLike) -> None:
         """Turn on about its centre by a rotation vector (3,) [rad], in axes of the world, with the next frame.
 
-        A frame turns it by at most a quarter of a full turn, all calls together; more is refused here. A hand on a patch
-        holds the mean rotation from then on.
+        A frame turns it by at most a quarter of a full turn, all calls together; more is refused.
+        A hand on a patch holds the mean rotation from then on.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -149,7 +149,7 @@ class Hand(Posed):
         """
         turn = vector(by, "the turn of a hand", "rad")
         self._may("turned")
-        # By the vector's own length: from where they end, turns beyond half a turn look like shorter ones the other way.
+        # By the vector's own length: where they end, turns beyond half a turn look like shorter ones the other way.
         _require_near(float(np.linalg.norm(turn)))
         self._hold_turn()
         turned = self._turned_by(turn)
@@ -241,6 +241,12 @@ class Hand(Posed):
         self._is_holding = False
         self._stepper._hands = [hand for hand in self._stepper._hands if hand is not self]
 
+    def _is_at(self, where: Any) -> bool:
+        """Whether it holds this place: a patch made anew of the same nodes and weights is the same."""
+        if not isinstance(self._where, _core.Patch) or not isinstance(where, _core.Patch):
+            return bool(self._where == where)
+        return np.array_equal(self._nodes, where.nodes) and np.array_equal(self._weights, where.weights)
+
     def _may(self, verb: str) -> None:
         """Refuses to be moved after it let go, or while a force moves it."""
         if not self._is_holding:
@@ -301,6 +307,12 @@ class Hand(Posed):
         places = self._rest + displacement[self._nodes]
         arms = places - self._weights @ places
         self._told = forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)
+
+
+def name_of_patch(patch: _core.Patch, mesh: Mesh) -> str:
+    """The name of a patch in errors, by its centre at rest."""
+    x, y, z = patch.weights @ mesh.points[patch.nodes]
+    return f"a contact patch of {len(patch.nodes)} nodes around ({x:.4g}, {y:.4g}, {z:.4g}) m"
 
 
 def _require_near(angle: float) -> None:

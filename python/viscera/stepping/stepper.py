@@ -34,7 +34,7 @@ from viscera.quantity import Choice, Number, Whole, numbers_of, refuse_masked, r
 from viscera.solver import Solver, core_solver
 from viscera.stepping.dynamics import Integration, Prony, core_integration
 from viscera.stepping.frame import Frame
-from viscera.stepping.hand import Hand
+from viscera.stepping.hand import Hand, name_of_patch
 from viscera.stepping.prescribed import PrescribedMotion
 
 if TYPE_CHECKING:
@@ -117,14 +117,14 @@ class Stepper:
         '2.0 mm'
         """
         if isinstance(where, _core.Patch):
-            hand = Hand(self, where, where.weights, name_of(where))
+            hand = Hand(self, where, where.weights, name_of_patch(where, self._organ.mesh))
         else:
             nodes = np.setdiff1d(self._organ.mesh.nodes(where), self._organ.fixed)
             if len(nodes) == 0:
                 raise VisceraError(f"all nodes of {name_of(where)} are fixed: a hand cannot move them")
             hand = Hand(self, tuple(nodes.tolist()), shares(self._organ.mesh, nodes), name_of(where))
         for other in self._hands:
-            if other._where == hand._where and other._pull is None:
+            if other._is_at(hand._where) and other._pull is None:
                 raise VisceraError(
                     f"{hand._name} is held already, by the hand at {other._name}; release that hand first"
                 )
@@ -245,7 +245,7 @@ class Stepper:
         for hand in self._hands:
             if hand._pull is not None:
                 continue
-            if hand._where in targets:
+            if any(map(hand._is_at, targets)):
                 raise VisceraError(f"{hand._name} is held twice; let one hand go")
             targets[hand._where] = hand.displacement
             turned[hand._where] = hand._arms_turned() if hand._holds_turn else None
