@@ -232,9 +232,30 @@ def test_a_pose_is_not_changed_in_place(organ: vs.Organ) -> None:
         with pytest.raises(vs.VisceraError, match=f"the {name} of a tool must be"):
             setattr(tool, name, value)
     assert tool.position.tolist() == [0.05, 0.05, SIDE + 0.03]
-    tool.remove()
-    with pytest.raises(vs.VisceraError, match="there is no tool"):
-        tool.position = (0.05, 0.05, SIDE + 0.04)
+
+
+def test_a_tool_that_was_removed_says_so(organ: vs.Organ) -> None:
+    stepper = organ.stepper()
+    tool = stepper.tool(vs.Sphere(0.02), (0.05, 0.05, SIDE + 0.02))
+    there = stepper.frame()
+    assert repr(tool) == "Instrument(Sphere(radius=0.02), position=(0.05, 0.05, 0.12))"
+    with pytest.raises(
+        vs.VisceraError, match=r"^Instrument\(Sphere.*\)\) was no tool of this frame; make it by Stepper"
+    ):
+        organ.stepper().frame().force(tool)
+    for _ in range(2):
+        tool.remove()
+    acts: list[Callable[[], object]] = [
+        lambda: tool.move((0, 0, 0.001)),
+        lambda: tool.turn((0, 0, 0.1)),
+        lambda: setattr(tool, "position", (0.05, 0.05, SIDE + 0.04)),
+    ]
+    for act in acts:
+        with pytest.raises(vs.VisceraError, match=r"^this tool was removed; make a new one by Stepper\.tool$"):
+            act()
+    with pytest.raises(vs.VisceraError, match=r"^Instrument.*, removed\) was no tool .* from before it was removed"):
+        stepper.frame().force(tool)
+    assert there.force(tool).shape == (3,)
 
 
 def test_what_is_assigned_to_a_tool_is_checked(organ: vs.Organ) -> None:

@@ -228,6 +228,7 @@ REFUSED: list[tuple[str, Act]] = [
     ("were removed", lambda stepper, forceps: removed(forceps).close(0.001)),
     ("were removed", lambda stepper, forceps: removed(forceps).squeeze(1.0, by=0.001)),
     ("removed by itself", lambda stepper, forceps: without_a_jaw(forceps)._stepper.frame()),
+    ("removed by itself; call remove", lambda stepper, forceps: without_a_jaw(forceps).move((0, 0, 0.001))),
     ("none since they were made", lambda stepper, forceps: forceps.grip),
     ("were not in this frame", lambda stepper, forceps: forceps._stepper._organ.stepper().frame().grip(forceps)),
 ]

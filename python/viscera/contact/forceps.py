@@ -237,6 +237,7 @@ class Forceps(Posed):
 
     def _set(self, position: Floats, rotation: Floats, opening: float) -> None:
         self._must_be_there()
+        self._must_be_whole()
         for jaw, centre in zip(self.jaws, self._centres(position, rotation, opening), strict=True):
             jaw.place(centre, rotation)
         self._position, self._rotation, self._opening = read_only(position), read_only(rotation), opening

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from viscera.contact.posed import Posed
 from viscera.contact.shapes import AnyShape
 from viscera.contact.tool import Tool
+from viscera.errors import VisceraError
 from viscera.quantity import vector
 from viscera.sealed import read_only
 
@@ -38,6 +39,13 @@ class Instrument(Posed):
         self._number = number
         self._tool, self._shape = tool, tool.shape
         self._position, self._rotation = read_only(tool.position.copy()), read_only(tool.rotation.copy())
+        self._is_there = True
+
+    def __repr__(self) -> str:
+        x, y, z = self.position
+        return (
+            f"Instrument({self.shape!r}, position=({x:.4g}, {y:.4g}, {z:.4g}){'' if self._is_there else ', removed'})"
+        )
 
     @property
     def shape(self) -> AnyShape:
@@ -56,6 +64,8 @@ class Instrument(Posed):
         0
         """
         placed, turned = self._placed(position), self._turned(rotation)
+        if not self._is_there:
+            raise VisceraError("this tool was removed; make a new one by Stepper.tool")
         self._stepper._core.place_tool(self._number, turned.tolist(), placed.tolist())
         self._position, self._rotation = read_only(placed), read_only(turned)
 
@@ -87,7 +97,7 @@ class Instrument(Posed):
         self.place(rotation=self._turned_by(by))
 
     def remove(self) -> None:
-        """Remove the tool with the next frame.
+        """Remove the tool with the next frame; once removed, it stays so.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -98,5 +108,6 @@ class Instrument(Posed):
         >>> tool.remove()
         >>> frame = stepper.frame()
         """
+        self._is_there = False
         self._stepper._core.remove_tool(self._number)
         self._stepper._tools = [tool for tool in self._stepper._tools if tool is not self]

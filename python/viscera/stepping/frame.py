@@ -153,7 +153,9 @@ class Frame(Deformed, Pictured):
         for pair, contact in self._pairs:
             if pair.is_same(tool):
                 return contact
-        raise unknown_contact(tool, "frame", "make it by Stepper.tool")
+        is_gone = isinstance(tool, Instrument) and not tool._is_there
+        remedy = "ask a frame from before it was removed" if is_gone else "make it by Stepper.tool"
+        raise unknown_contact(tool, "frame", remedy)
 
     def force(self, tool: Instrument | Forceps | Hand | ContactPair) -> Floats:
         """Force (3,) of a tool, of both jaws of forceps, or of a hand on the organ [N].
