@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -33,6 +33,39 @@ def test_a_model_opens_from_a_disk(
     assert np.allclose(viewer.state["force"], force, rtol=1e-6, atol=1e-6 * np.linalg.norm(force))
     assert viewer.complaints == []
     viewer.close()
+
+
+@pytest.mark.parametrize("part", [0.2, 0.8, 0.99, "in the head", "after the script"])
+def test_a_file_that_was_cut_short_says_so(
+    touch: vs.Touch, server: Server, browser: Any, tmp_path: Path, part: float | str
+) -> None:
+    """In the model, in the script, in the head; the last few bytes are needed by nothing."""
+    export(touch, tmp_path / "bar.html", "Bar")
+    whole = (tmp_path / "bar.html").read_bytes()
+    ends = {"in the head": whole.index(b"</style>"), "after the script": whole.rindex(b"</script>") + len("</script>")}
+    (tmp_path / "bar.html").write_bytes(whole[: int(part * len(whole)) if isinstance(part, float) else ends[part]])
+    tab = browser.new_page()
+    tab.goto((tmp_path / "bar.html").as_uri())
+    if part == "after the script":
+        tab.wait_for_function("() => window.viscera")
+        assert tab.locator(".sentence").count() == 0
+    else:
+        sentences = tab.locator(".sentence").all_inner_texts()
+        assert sentences == ["The end of this file is missing. Copy or download it again."]
+    tab.close()
+
+
+def test_a_file_that_a_browser_cannot_run_says_so(
+    touch: vs.Touch, server: Server, browser: Any, tmp_path: Path
+) -> None:
+    export(touch, tmp_path / "bar.html", "Bar")
+    whole = (tmp_path / "bar.html").read_text()
+    begin = whole.index(">", whole.rindex('<script type="module"')) + 1
+    (tmp_path / "bar.html").write_text(f"{whole[:begin]}not a language;{whole[begin:]}")
+    tab = browser.new_page()
+    tab.goto((tmp_path / "bar.html").as_uri())
+    assert tab.locator(".sentence").all_inner_texts() == ["This page cannot start. Use a newer browser."]
+    tab.close()
 
 
 def test_a_case_steps_itself_from_a_disk(

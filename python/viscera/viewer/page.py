@@ -25,6 +25,23 @@ CASE = "organ.case"
 """Name under which it looks for a case that it steps itself."""
 STEPPER = ("stepper.js", "stepper.wasm")
 """Files that only a page that steps a case needs."""
+END = '<i id="end" hidden></i>'
+"""What comes last in a page of one file."""
+WATCH = """<script>
+      addEventListener("DOMContentLoaded", () => {
+        const loading = document.querySelector(".loading");
+        if (document.querySelector("script[data-opens]") && !loading) return;
+        const sentence = document.createElement("p");
+        sentence.className = "sentence";
+        sentence.textContent = document.getElementById("end")
+          ? "This page cannot start. Use a newer browser."
+          : "The end of this file is missing. Copy or download it again.";
+        if (loading) loading.remove();
+        document.body.append(sentence);
+      });
+    </script>
+    """
+"""Says in a page of one file why it has not started: a browser does not run a script whose end is missing."""
 
 
 def files() -> dict[str, bytes]:
@@ -81,12 +98,12 @@ def single(files: Mapping[str, bytes], part: str) -> bytes:
     for old, new in (
         (
             '<link rel="icon" href="icon.svg" type="image/svg+xml" />',
-            f'<link rel="icon" href="data:image/svg+xml;base64,{icon}" />',
+            f'{WATCH}<link rel="icon" href="data:image/svg+xml;base64,{icon}" />',
         ),
         ('<link rel="stylesheet" href="page.css" />', f"<style>{files['page.css'].decode()}</style>"),
         (
             '<script src="page.js"></script>',
-            f'{within}<script type="module" data-opens="{opens}" data-part="{part}">{script}</script>',
+            f'{within}<script type="module" data-opens="{opens}" data-part="{part}">{script}</script>{END}',
         ),
     ):
         if html.count(old) != 1:
