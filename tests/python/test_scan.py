@@ -142,6 +142,25 @@ def test_a_nrrd_file_in_no_unit_or_no_patient_is_refused(tmp_path: Path, change:
         assert str(refused.value).startswith(str(path))
 
 
+def test_a_nifti_file_that_lies_nowhere_is_refused(labelled: vs.Scan, tmp_path: Path) -> None:
+    nibabel = pytest.importorskip("nibabel")
+    pytest.importorskip("SimpleITK")
+    path = tmp_path / "labels.nii.gz"
+    image = nibabel.Nifti1Image(labelled.values, None)
+    image.header.set_zooms((3.0, 3.0, 3.0))
+    nibabel.save(image, path)
+    for read in (vs.scan, Grid.of):
+        with pytest.raises(vs.VisceraError, match="its header does not say where the image lies") as refused:
+            read(path)
+        assert str(refused.value).startswith(str(path))
+    for code in ("sform", "qform"):
+        placed = nibabel.Nifti1Image(labelled.values, None)
+        getattr(placed, f"set_{code}")(np.vstack([1e3 * AFFINE, [0.0, 0.0, 0.0, 1.0]]), "scanner")
+        nibabel.save(placed, path)
+        for affine in (vs.scan(path).affine, np.column_stack([Grid.of(path).matrix, Grid.of(path).origin])):
+            assert np.allclose(affine, AFFINE, atol=1e-8)
+
+
 def test_a_nrrd_file_in_ras_is_turned(tmp_path: Path) -> None:
     pytest.importorskip("SimpleITK")
     found = vs.scan(nrrd(tmp_path / "labels.nrrd", space="RAS"))

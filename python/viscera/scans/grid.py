@@ -324,8 +324,8 @@ def _affine_as_scans(name: str) -> Floats:
     """The affine map (3, 4) [m] by which `viscera.scan` places a NIfTI image: its sform. ITK may prefer the qform."""
     try:
         affine = nifti_affine(Path(name))
-    except VisceraError:
-        raise
+    except VisceraError as error:
+        raise VisceraError(f"{name}: {error}") from None
     except Exception as error:  # nibabel raises whatever its parser meets
         raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
     return _right_angled(affine, name)

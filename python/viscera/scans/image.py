@@ -54,11 +54,20 @@ def unit_of(path: Path) -> float:
 
 
 def nifti_affine(path: Path) -> Floats:
-    """The affine map (3, 4) [m] of a NIfTI image in RAS, of which nothing else is read."""
+    """The affine map (3, 4) [m] of a NIfTI image in RAS, of which nothing else is read.
+
+    Raises `VisceraError` for an image that does not say where it lies.
+    """
     return _affine(_library("nibabel").load(path))
 
 
 def _affine(image: Any) -> Floats:
+    # Of such an image nibabel and ITK guess different places, and nobody says what is left and what is right.
+    if int(image.header["sform_code"]) == 0 and int(image.header["qform_code"]) == 0:
+        raise VisceraError(
+            "its header does not say where the image lies (sform_code and qform_code are 0); set the sform, with "
+            'nibabel by image.set_sform(affine, "scanner"), or give its values and axes to vs.Scan'
+        )
     unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
     return np.asarray(unit * image.affine[:3])
 
