@@ -130,6 +130,23 @@ def test_a_damaged_link_says_what_could_not_be_read(server: Server, look_at: Cal
     other.close()
 
 
+def test_a_link_that_can_be_read_takes_back_what_was_said_of_another(
+    server: Server, look_at: Callable[..., Viewer]
+) -> None:
+    """It says so of itself alone, whatever else it changes: here the view."""
+    other = look_at(f"{server.url}#stiffness=-5")
+    warning = other.page.locator(".warning.is-shown")
+    said = "This link could not be read where it says {}."
+    assert warning.inner_text() == said.format("stiffness=-5")
+    other.page.goto(f"{server.url}#colour=mauve")
+    warning.get_by_text("mauve").wait_for()
+    assert warning.inner_text() == said.format("colour=mauve")
+    other.page.goto(f"{server.url}#from=1,1,1")
+    warning.wait_for(state="detached", timeout=5_000)
+    assert other.complaints == []
+    other.close()
+
+
 def test_a_picture_is_saved(viewer: Viewer) -> None:
     viewer.call("touch", TOP, PUSH)
     viewer.page.locator("details.share").evaluate("(menu) => (menu.open = true)")

@@ -8,30 +8,36 @@ export class Speech {
   readonly summary = new Summary();
   private isBlind = false;
   private last: [string, string] = ["", ""];
+  private beside = "";
 
   constructor(stage: Stage) {
     stage.onContext = (isLost) => {
       this.isBlind = isLost;
-      this.say(...this.last);
+      this.show();
     };
   }
 
   /** Says how things stand, and what is the matter; empty where nothing is. */
   say(inShort: string, trouble: string): void {
     this.last = [inShort, trouble];
-    const sentence = this.isBlind ? CONTEXT_LOST : trouble;
-    this.warning.classList.toggle("is-shown", sentence !== "");
-    if (sentence) write(this.warning, sentence);
-    this.summary.say([inShort, sentence].filter(Boolean).join(" "));
+    this.also("");
   }
 
-  /** Says what else is the matter, until something else is said. */
+  /** Says what else is the matter, until something else is said or nothing else is the matter. */
   also(trouble: string): void {
-    const [inShort, before] = this.last;
-    this.say(inShort, [before, trouble].filter(Boolean).join(" "));
+    this.beside = trouble;
+    this.show();
   }
 
   dispose(): void {
     this.summary.dispose();
+  }
+
+  private show(): void {
+    const [inShort, trouble] = this.last;
+    const sentence = this.isBlind ? CONTEXT_LOST : [trouble, this.beside].filter(Boolean).join(" ");
+    this.warning.classList.toggle("is-shown", sentence !== "");
+    if (sentence) write(this.warning, sentence);
+    this.summary.say([inShort, sentence].filter(Boolean).join(" "));
   }
 }

@@ -72,7 +72,7 @@ function follow(view: View, hash: string): void {
     view.rest();
     trouble.push(...(point ? [ELSEWHERE] : []), AT_REST);
   }
-  if (trouble.length > 0) view.display.speech.also(trouble.join(" "));
+  view.display.speech.also(trouble.join(" "));
 }
 
 /** Says which parts of an address could not be read. */
