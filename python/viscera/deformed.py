@@ -254,9 +254,10 @@ class Deformed(Sealed):
         `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, at points `displacement` [m], `von_mises` and
         `pressure` [Pa], in cells `cauchy_stress`, `von_mises`, `pressure` [Pa], `green_strain` and `energy_density`
         [J/m^3]. A state and a frame also have `reaction` [N] at points, a registered organ `band` [m] and
-        `is_observed`. `.ply`, `.glb`, `.gltf`: the deformed surface with the fields of the points on its vertices.
-        `.obj`, `.stl`: the deformed surface alone. If a cell is inverted, no stress is written (`State.message` and a
-        frame in print count such cells), except with the law `Linear`; nor is that of a frame of tissue that relaxes.
+        `is_observed`. Sets of nodes and of cells are kept, but not in `.xdmf`. `.ply`, `.glb`, `.gltf`: the deformed
+        surface with the fields of the points on its vertices. `.obj`, `.stl`: the deformed surface alone. If a cell is
+        inverted, no stress is written (`State.message` and a frame in print count such cells), except with the law
+        `Linear`; nor is that of a frame of tissue that relaxes.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

@@ -30,6 +30,28 @@ $EndElements
 """
 
 
+@pytest.mark.parametrize("element", ["P1", "P2"])
+@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".msh"])
+def test_a_written_solution_keeps_the_sets_of_its_mesh(bar: vs.Mesh, tmp_path: Path, ending: str, element: str) -> None:
+    mesh = bar.with_sets(**{"x < 10%": bar.nodes("x < 10%")}).with_cell_sets(low="z < 60%", **{"<high>": "z > 40%"})
+    state = vs.Organ(mesh, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root", element=element).solve()
+    state.write(tmp_path / f"bar{ending}")
+    again = vs.read(tmp_path / f"bar{ending}")
+    assert {name: again.sets[name].tolist() for name in mesh.sets} == {
+        name: nodes.tolist() for name, nodes in mesh.sets.items()
+    }
+    assert {name: cells.tolist() for name, cells in again.cell_sets.items()} == {
+        name: cells.tolist() for name, cells in mesh.cell_sets.items()
+    }
+    assert vs.output.state.read(tmp_path / f"bar{ending}")[1].shape[1] == 3
+
+
+def test_a_format_without_sets_says_so(bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    bar.write(tmp_path / "bar.mesh")
+    assert caplog.messages == [f"{tmp_path / 'bar.mesh'}: .mesh cannot hold sets and parts; .vtu does"]
+    assert not vs.read(tmp_path / "bar.mesh").sets
+
+
 @pytest.mark.parametrize("ending", WITH_SETS)
 def test_a_node_set_and_a_cell_set_of_one_name_stay_apart(bar: vs.Mesh, tmp_path: Path, ending: str) -> None:
     mesh = bar.with_cell_sets(root="x < 50%")

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     made = _from_surface if _is_surface(args.source) else _from_labels
     with output.saying_messages():
         found, voxels = made(args, output)
-    found.write(target)
+        found.write(target)
     return Outcome("done", facts=_told(found, voxels, target, output))
 
 

@@ -9,9 +9,10 @@ The nodes of a set of cells are a node set too, unless one of nodes or faces has
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from html import escape
@@ -40,6 +41,7 @@ MESHIO_MODULES = {
     ".inp": "abaqus",
 }
 FORMATS = (*MESHIO_MODULES, ".feb")
+said = logging.getLogger("viscera.mesh")  # a command says it by itself
 SET_PREFIX = "set:"
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 """Local ends of the edges whose midpoints are nodes 4 to 9 of a ten-node tetrahedron."""
@@ -122,7 +124,10 @@ def write(
     cell_sets: Mapping[str, Any],
     axes: str = "",
 ) -> None:
-    """Writes points, cells and the sets of both in the format of the file's ending; world axes in `.vtu`."""
+    """Writes points, cells and the sets of both in the format of the file's ending; world axes in `.vtu`.
+
+    A format without sets is said in the log.
+    """
     ending = _known_ending(path)
     _refuse_names(ending, [*sets, *cell_sets])
     if ending == ".feb":
@@ -131,39 +136,62 @@ def write(
         return
     import meshio
 
-    blocks: list[tuple[str, NDArray[Any]]] = [("tetra", cells.astype(np.int64))]
-    extra: dict[str, Any] = {}
-    names: dict[tuple[int, int], str] = {}
+    grid = meshio.Mesh(points, [("tetra", cells.astype(np.int64))])
+    names: gmsh_names.Names = {}
     if ending in (".vtu", ".vtk"):
-        # A name such as "x < 10%" would go into XML as it is, and meshio refuses its spaces in legacy files.
-        written = escape if ending == ".vtu" else partial(quote, safe=VTK_SAFE)
-        extra["point_data"] = {written(SET_PREFIX + name): _mask(each, len(points)) for name, each in sets.items()}
-        extra["cell_data"] = {written(SET_PREFIX + name): [_mask(each, len(cells))] for name, each in cell_sets.items()}
+        add_masks(grid, ending, sets, cell_sets)
     elif ending == ".inp":
-        extra["point_sets"] = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in sets.items()}
-        extra["cell_sets"] = {name: [np.asarray(chosen, dtype=np.int64)] for name, chosen in cell_sets.items()}
-    elif ending == ".msh":  # a node set is a physical group of dimension 0
-        blocks += [("vertex", np.asarray(nodes, dtype=np.int64)[:, None]) for nodes in sets.values()]
-        groups = [np.full(len(block), tag, dtype=np.int32) for tag, (_, block) in enumerate(blocks)]
-        first = len(sets) + 1
-        for tag, (name, chosen) in enumerate(cell_sets.items(), start=first):
-            if groups[0][chosen].any():
-                raise VisceraError(f"{path}: cells are in {name!r} and in another set, which .msh cannot say; use .vtu")
-            groups[0][chosen] = tag
-        extra["cell_data"] = {"gmsh:physical": groups, "gmsh:geometrical": groups}
-        names = {(0, tag): name for tag, name in enumerate(sets, start=1)}
-        names |= {(3, tag): name for tag, name in enumerate(cell_sets, start=first)}
+        grid.point_sets = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in sets.items()}
+        grid.cell_sets = {name: [np.asarray(chosen, dtype=np.int64)] for name, chosen in cell_sets.items()}
+    elif ending == ".msh":
+        names = _add_groups(grid, path, sets, cell_sets)
     options: dict[str, Any] = {
         ".msh": {"fmt_version": "2.2", "binary": False},
         ".vtk": {"fmt_version": "4.2"},
     }
     module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
     with replacing(path) as scratch:
-        module.write(str(scratch), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
+        module.write(str(scratch), grid, **options.get(ending, {}))
         if names:
             gmsh_names.add(scratch, names)
         if axes and ending == ".vtu":
             state_axes(scratch, axes)
+    for lost in lacking(path, sets, cell_sets, ""):
+        said.warning("%s: %s cannot hold %s; .vtu does", path, ending, lost)
+
+
+def add_masks(grid: meshio.Mesh, ending: str, sets: Mapping[str, Any], cell_sets: Mapping[str, Any]) -> None:
+    """Puts sets of nodes and of cells into a grid of one block of cells as fields of 0 and 1, which `read` knows.
+
+    Raises `VisceraError` for names that the format of the ending cannot say.
+    """
+    _refuse_names(ending, [*sets, *cell_sets])
+    # A name such as "x < 10%" would go into XML as it is, and meshio refuses its spaces in legacy files.
+    ways: dict[str, Callable[[str], str]] = {".vtu": escape, ".vtk": partial(quote, safe=VTK_SAFE)}
+    written = ways.get(ending, str)
+    for name, nodes in sets.items():
+        grid.point_data[written(SET_PREFIX + name)] = _mask(nodes, len(grid.points))
+    for name, chosen in cell_sets.items():
+        grid.cell_data[written(SET_PREFIX + name)] = [_mask(chosen, len(grid.cells[0]))]
+
+
+def _add_groups(
+    grid: meshio.Mesh, path: Path, sets: Mapping[str, Any], cell_sets: Mapping[str, Any]
+) -> gmsh_names.Names:
+    """Puts sets into a grid as physical groups of Gmsh, a node set as one of dimension 0; their names."""
+    import meshio
+
+    vertices = [np.asarray(nodes, dtype=np.int64)[:, None] for nodes in sets.values()]
+    grid.cells += [meshio.CellBlock("vertex", nodes) for nodes in vertices]
+    groups = [np.full(len(block), tag, dtype=np.int32) for tag, block in enumerate(grid.cells)]
+    first = len(sets) + 1
+    for tag, (name, chosen) in enumerate(cell_sets.items(), start=first):
+        if groups[0][chosen].any():
+            raise VisceraError(f"{path}: cells are in {name!r} and in another set, which .msh cannot say; use .vtu")
+        groups[0][chosen] = tag
+    grid.cell_data |= {"gmsh:physical": groups, "gmsh:geometrical": groups}
+    names = {(0, tag): name for tag, name in enumerate(sets, start=1)}
+    return names | {(3, tag): name for tag, name in enumerate(cell_sets, start=first)}
 
 
 def lacking(path: Path, sets: Mapping[str, Any], cell_sets: Mapping[str, Any], axes: str) -> list[str]:
@@ -320,6 +348,8 @@ def _sets_of_array(name: str, values: NDArray[Any]) -> Arrays:
     """An integer array over points or cells: a mask names one set, a few labels name one set each (`ARRAY:LABEL`)."""
     if values.ndim > 1 and values.shape[1:] == (1,):
         values = values[:, 0]
+    if name.startswith(SET_PREFIX):  # Gmsh's fields are floats
+        values = values.astype(np.uint8)
     if values.ndim != 1 or values.dtype.kind not in "iub":
         return {}
     is_mask = not name.startswith("ref:")  # what numbers a reference 1 is none

@@ -20,7 +20,7 @@ import numpy as np
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.files.atomic import replacing, writable
-from viscera.files.mesh import state_axes, stated_axes
+from viscera.files.mesh import add_masks, state_axes, stated_axes
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.quantity import path_of
 
@@ -73,6 +73,8 @@ def write(
     cell_fields: Mapping[str, Floats] | None = None,
 ) -> None:
     """Writes a solution; fields (n, 3) or (n,) by name, `displacement` (n, 3) [m] among them.
+
+    Volumes but `.xdmf` keep the sets of the mesh.
 
     cell_fields: (m,), or (m, 3, 3) as nine columns, row by row; in volumes alone.
     """
@@ -137,6 +139,8 @@ def _write_volume(
     import meshio
 
     grid = volume(mesh, fields, cell_fields)
+    if ending != ".xdmf":
+        add_masks(grid, ending, mesh.sets, mesh.cell_sets)
     if ending == ".vtu":
         meshio.vtu.write(path, grid)
         if mesh.axes:
