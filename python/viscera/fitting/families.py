@@ -6,7 +6,7 @@ exponents are searched (variable projection: Golub and Pereyra, SIAM J. Numer. A
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -28,6 +28,11 @@ from viscera.law import (
 from viscera.mesh import Floats
 
 INFINITE = float("inf")
+LEAST_EXPONENT = 1e-3
+"""Size of an exponent of Ogden's law that the fit would take to zero. The stress is then within 1e-3 of its limit, that
+of the logarithmic strain; the energy, a difference over the square of the exponent, keeps half of its digits."""
+NEXT_TO_ZERO = 1e-5
+"""Size of such an exponent in a trial, whose energy nothing asks for."""
 
 Make = Callable[[Floats, Floats, float], Law]
 """Coefficients, exponents and Poisson's ratio to a law."""
@@ -39,7 +44,8 @@ class Family:
 
     name: str
     coefficients: tuple[str, ...]
-    """Parameters that the energy is linear in [Pa]."""
+    """Parameters that the energy is linear in [Pa]; for those `of_products` the fit has their products with exponents.
+    """
     make: Make
     coefficient_bounds: tuple[tuple[float, float], ...]
     exponents: tuple[str, ...] = ()
@@ -47,8 +53,9 @@ class Family:
     exponent_bounds: tuple[tuple[float, float], ...] = ()
     starts: Sequence[Sequence[float]] = field(default_factory=lambda: [[]])
     """Exponents to begin the search with."""
-    signs: Callable[[Floats], Floats] = lambda exponents: np.ones(1)
-    """Sign of each coefficient for these exponents, where the bounds are those of its size."""
+    of_products: bool = False
+    """Whether the coefficients of a fit are the products of the law's own with its exponents: of Ogden's `mu_p alpha_p`
+    the stress is a smooth function of the exponents, also where they change their sign."""
     admits: Callable[[Floats], bool] = lambda coefficients: False
     """Whether the law takes the best coefficients although they lie beyond their bounds."""
 
@@ -59,15 +66,37 @@ class Family:
 
     def basis(self, exponents: Floats, poisson: float) -> list[tuple[Law, Law | None]]:
         """Laws whose stresses, the second's taken from the first's, are those of unit coefficients."""
-        n, sign = len(self.coefficients), self.sign(exponents)
-        first = np.eye(n)[0] * sign
+        first, *others = np.eye(len(self.coefficients))
         base = self.make(first, exponents, poisson)
-        rest = [self.make(first + np.eye(n)[k] * sign, exponents, poisson) for k in range(1, n)]
-        return [(base, None), *((law, base) for law in rest)]
+        return [(base, None), *((self.make(first + other, exponents, poisson), base) for other in others)]
 
-    def sign(self, exponents: Floats) -> Floats:
-        """Sign (n,) of each coefficient."""
-        return np.broadcast_to(self.signs(exponents), len(self.coefficients)).astype(float)
+    def settled(self, exponents: Floats) -> Floats:
+        """Exponents of a law for those of a fit: no product is divided by next to nothing."""
+        return _off_zero(exponents, LEAST_EXPONENT) if self.of_products else exponents
+
+    def own(self, coefficients: Floats, exponents: Floats) -> Floats:
+        """The law's own parameters (p,) for coefficients and exponents of a fit."""
+        return np.concatenate([coefficients / exponents if self.of_products else coefficients, exponents])
+
+    def of_vanishing(self, intervals: Mapping[str, tuple[float, float] | None]) -> dict[str, str]:
+        """Coefficients of a term whose exponent may be zero by its interval, and that exponent, by name.
+
+        There a test determines the product of both, and nothing of the coefficient alone.
+        """
+        pairs = zip(self.coefficients, self.exponents, strict=True) if self.of_products else ()
+        bands = ((coefficient, exponent, intervals[exponent]) for coefficient, exponent in pairs)
+        return {
+            coefficient: exponent
+            for coefficient, exponent, band in bands
+            if band is not None and band[0] <= LEAST_EXPONENT and band[1] >= -LEAST_EXPONENT
+        }
+
+    def in_own(self, derivatives: Floats, own: Floats) -> Floats:
+        """Derivatives (points, p) in the law's own parameters, from those in coefficients and exponents of a fit."""
+        if not self.of_products:
+            return derivatives
+        (moduli, exponents), (by_product, by_exponent) = np.split(own, 2), np.split(derivatives, 2, axis=1)
+        return np.column_stack([by_product * exponents, by_exponent + by_product * moduli])
 
 
 def family(law: type[Law] | str, terms: int | None = None) -> Family:
@@ -117,18 +146,28 @@ def _yeoh(terms: int) -> Family:
 
 def _ogden(terms: int) -> Family:
     """Every mu_p alpha_p positive: sufficient for stability (Hill 1978)."""
+
+    def make(products: Floats, alpha: Floats, nu: float) -> Law:
+        alpha = _off_zero(alpha, NEXT_TO_ZERO)
+        return Ogden(list(products / alpha), list(alpha), poisson=nu)
+
     grid = (-8.0, -3.0, 2.0, 5.0, 12.0)
     alphas = tuple(f"alpha{p + 1}" for p in range(terms))
     return Family(
         "Ogden",
         tuple(f"mu{p + 1}" for p in range(terms)),
-        lambda c, alpha, nu: Ogden(list(c), list(alpha), poisson=nu),
+        make,
         ((0.0, INFINITE),) * terms,
         alphas,
         ((-30.0, 30.0),) * terms,
         [list(alpha) for alpha in combinations(grid, terms)],
-        np.sign,
+        of_products=True,
     )
+
+
+def _off_zero(exponents: Floats, least: float) -> Floats:
+    """The exponents, those of a smaller size moved to the least."""
+    return np.where(np.abs(exponents) < least, np.copysign(least, exponents), exponents)
 
 
 def _stable_neo_hookean(_: int) -> Family:

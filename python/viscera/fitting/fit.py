@@ -58,6 +58,9 @@ class Fit(Sealed):
     intervals: dict[str, tuple[float, float] | None]
     """Confidence intervals of 95 % from the linearised problem; none of a parameter at its bound, or if the data say
     nothing. A parameter at its bound widens the others' intervals as if it were free."""
+    vanishing: dict[str, str]
+    """Each of Ogden's `mu_p` whose `alpha_p` may be zero by its interval, with that exponent, by name: the term is then
+    that of the logarithmic strain, and the tests determine `mu_p alpha_p` alone. No exponent is below 0.001 in size."""
     standard_error: float
     """sqrt(SSE / (n - p)) [Pa], n different points off rest, p parameters; infinite if n = p."""
     sse: float
@@ -200,7 +203,12 @@ def fit(
     if n < p:
         stretches = "1 stretch" if n == 1 else f"{n} stretches"
         raise Undetermined(f"{kind.name} has {p} parameters; points at {stretches} off rest cannot determine them")
-    return _result(problem)
+    try:
+        return _result(problem)
+    except Undetermined:
+        raise
+    except VisceraError as error:  # the input is sound: it is this law that the tests do not suit
+        raise Undetermined(str(error)) from error
 
 
 def _checked(tests: MaterialTest | Sequence[MaterialTest]) -> tuple[MaterialTest, ...]:
@@ -253,7 +261,7 @@ def _result(problem: Problem) -> Fit:
         raise Undetermined(
             f"{problem.kind.name} cannot follow these curves: all coefficients vanish within their bounds"
         )
-    values = np.concatenate([coefficients, exponents])
+    values = problem.kind.own(coefficients, exponents)
     try:
         law = problem.law(found)
     except VisceraError as error:  # at the end of a bound that is open
@@ -267,18 +275,20 @@ def _result(problem: Problem) -> Fit:
     weighted = weight[:, None] * jacobian[told]
     _check_told_apart(problem, found, weighted)
     sse = float((residual**2).sum())
-    deviations = spread(weighted, weight * residual, n - p)
+    deviations = spread(problem.kind.in_own(weighted, values), weight * residual, n - p)
     half = np.full(p, np.nan) if deviations is None else deviations * float(t.ppf(0.5 + 0.5 * CONFIDENCE, n - p))
     intervals = {
         name: (float(v - h), float(v + h)) if is_free and np.isfinite(h) else None
         for name, v, h, is_free in zip(problem.kind.names, values, half, free, strict=True)
     }
+    vanishing = problem.kind.of_vanishing(intervals)
     modes = dict.fromkeys(test.mode for test in problem.tests)
     splits = np.cumsum([test.n_points for test in problem.tests])[:-1]
     return Fit(
         law=law,
         parameters=dict(zip(problem.kind.names, map(float, values), strict=True)),
-        intervals=intervals,
+        intervals=intervals | dict.fromkeys(vanishing),
+        vanishing=vanishing,
         standard_error=float(np.sqrt(sse / (n - p))) if n > p else float("inf"),
         sse=sse,
         aic=float(n * np.log(max(sse, np.finfo(float).tiny) / n) + 2 * (p + 1)) if n > p else float("inf"),

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.fitting.materialtest import MaterialTest
-from viscera.fitting.problem import N_SEARCHES, Problem
+from viscera.fitting.problem import FAILED, N_SEARCHES, Problem
 from viscera.law import Law
 from viscera.mesh import Floats, Indices, Mesh, Where, mesh
 from viscera.organ import Organ
@@ -33,8 +33,6 @@ PASSES = 1e-3
 """Part of the length by which a node may be beyond the plane of an end."""
 SMALLEST = 1e-3
 """Factor of the coefficients of a start, at least."""
-FAILED = 1e3
-"""Residual of a trial for which the specimen has no equilibrium."""
 
 
 class SpecimenTest(MaterialTest):
@@ -205,7 +203,8 @@ class SpecimenProblem(Problem):
         scaled = map(self._scaled, self._starts())
         starts = sorted(scaled, key=lambda values: float(np.square(self._residual(values)[0]).sum()))
         runs = [self._search(values) for values in starts[:N_SEARCHES]]
-        values = min(runs, key=lambda run: run[0])[1]
+        coefficients, exponents = self.split(min(runs, key=lambda run: run[0])[1])
+        values = np.concatenate([coefficients, self.kind.settled(exponents)])
         self.derivatives(values)  # raises where there is no equilibrium
         return values
 
@@ -216,7 +215,7 @@ class SpecimenProblem(Problem):
         yield alike.best()
         if self.kind.exponents:
             for exponents in map(np.array, self.kind.starts):
-                yield np.concatenate([alike.coefficients(alike.columns(exponents)), exponents])
+                yield np.concatenate([alike.coefficients(exponents), exponents])
 
     def _scaled(self, values: Floats) -> Floats:
         """The multiple of the coefficients with the least error: the stress is in proportion to all of them."""
@@ -238,17 +237,13 @@ class SpecimenProblem(Problem):
         run = least_squares(
             lambda z: self._residual(z * scale)[0],
             np.clip(start / scale, low + 1e-9, high - 1e-9),
-            jac=lambda z: self._residual(z * scale)[1] * scale * self._signs(z * scale),
+            jac=lambda z: self._residual(z * scale)[1] * scale,
             bounds=(low, high),
             xtol=1e-10,
             ftol=1e-14,
             max_nfev=60,
         )
         return float(run.cost), np.asarray(run.x * scale)
-
-    def _signs(self, values: Floats) -> Floats:
-        n = len(self.kind.coefficients)
-        return np.concatenate([self.kind.sign(values[n:]), np.ones(len(values) - n)])
 
     def _residual(self, values: Floats) -> tuple[Floats, Floats]:
         """Weighted errors [largest stress] and their derivatives, of a trial."""
@@ -289,9 +284,8 @@ class SpecimenProblem(Problem):
         coefficients, exponents = self.split(values)
         more = float(np.abs(coefficients).max())
         law = self.law(values)
-        for k, sign in enumerate(self.kind.sign(exponents)):
-            step = sign * more * np.eye(len(coefficients))[k]
-            yield self.kind.make(coefficients + step, exponents, self.poisson), law, sign * more
+        for step in more * np.eye(len(coefficients)):
+            yield self.kind.make(coefficients + step, exponents, self.poisson), law, more
 
 
 def cylinder(radius: float, height: float, bricks: tuple[int, int] = (6, 4)) -> Mesh:
