@@ -216,6 +216,9 @@ def test_every_column_has_its_own_sense(
 @pytest.mark.parametrize(
     ("header", "words"),
     [
+        ("stretch,stress_mPa", "unit that is not known of stress, 'mPa'; known: Pa, kPa, MPa"),
+        ("stretch,stress (mpa)", "unit that is not known of stress, 'mpa'; known: Pa, kPa, MPa"),
+        ("displacement_mm,force_MN", "unit that is not known of force, 'MN'"),
         ("displacement_mm,load_N", "mostly point in opposite directions"),
         ("displacement_kPa,force_N", "unit that is not known of displacement, 'kPa'; known: m, cm, mm"),
         ("stretch,stress_N", "unit that is not known of stress, 'N'"),

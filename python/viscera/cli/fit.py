@@ -1,7 +1,8 @@
 """Fit laws to material tests: the parameters of one law, or of all laws ranked, with intervals, error and stability.
 
 A curve is a CSV file with a line of names: columns `stretch` and `stress` [Pa], or `displacement` [m] and `force` [N]
-with the specimen's --length and --area or --diameter. A name may end in a unit: `displacement_mm`, `stress_kPa`.
+with the specimen's --length and --area or --diameter. A name may end in a unit, `displacement_mm`, `stress [kPa]`, or
+have it in the line below.
 Fails (exit 1) if the best law is not stable over the fitted range.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +26,13 @@ from viscera.fitting.fit import Undetermined
 from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
 from viscera.output.kind import check_picture
+from viscera.progress import Progress, bar
 from viscera.quantity import Choice
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
 UNITS: dict[str, dict[str, float]] = {
-    "stretch": {},
+    "stretch": {"-": 1.0, "mm/mm": 1.0},
     "stress": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6},
     "displacement": LENGTHS,
     "compression": LENGTHS,
@@ -37,6 +40,10 @@ UNITS: dict[str, dict[str, float]] = {
     "load": FORCES,
 }
 """Columns, and the units that their names may end in."""
+AMBIGUOUS = ("mpa", "mn")
+"""Units that are a thousandth or a million by the case of their first letter."""
+NAMED = re.compile(r"\s*(?P<name>[a-z]+)\s*(_\s*(?P<unit>.*?)|[(\[]\s*(?P<bracketed>[^()\[\]]*?)\s*[)\]])?\s*", re.I)
+"""The name of a column, and its unit."""
 DOWNWARD = ("compression", "load")
 """Columns that count positive in compression."""
 CANDIDATES = (
@@ -88,7 +95,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     tests = [_test(*table, args) for table in tables]
     if all(_find(columns, "stretch") for _, columns, _ in tables):
         _refuse_of_specimen(args)
-    fits, left_out = _ranked(tests, args)
+    with bar(output.is_quiet) as progress:
+        fits, left_out = _ranked(tests, args, progress)
     output.say("\n".join(map(repr, tests)))
     output.say(_table(fits))
     output.say_all(f"left out: {reason}" for reason in left_out)
@@ -115,14 +123,16 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     )
 
 
-def _ranked(tests: list[MaterialTest], args: argparse.Namespace) -> tuple[list[Fit], list[str]]:
+def _ranked(tests: list[MaterialTest], args: argparse.Namespace, progress: Progress) -> tuple[list[Fit], list[str]]:
     """The fit of the law asked for; or those of all laws, the best first, and why some of them are left out."""
     if args.law != "all":
+        progress(0, 1, f"fitting {args.law}")
         return [fit(args.law, tests, terms=args.terms, poisson=args.poisson)], []
     if args.terms is not None:
         raise VisceraError("--terms belongs to one law; name it with --law")
     fits, left_out = list[Fit](), list[str]()
-    for law, terms in CANDIDATES:
+    for done, (law, terms) in enumerate(CANDIDATES):
+        progress(done, len(CANDIDATES), "fitting laws")
         try:
             found = fit(law, tests, terms=terms, poisson=args.poisson)
         except Undetermined as error:
@@ -132,6 +142,7 @@ def _ranked(tests: list[MaterialTest], args: argparse.Namespace) -> tuple[list[F
             fits.append(found)
         else:
             left_out.append(f"{law} has as many parameters as there are points off rest, {len(found.parameters)}")
+    progress(len(CANDIDATES), len(CANDIDATES), "fitting laws")
     if not fits:
         raise VisceraError(f"these tests determine none of the laws: {'; '.join(dict.fromkeys(left_out))}")
     return sorted(fits, key=lambda found: found.aic), left_out
@@ -196,7 +207,22 @@ def _up_to(
 
 
 def _find(columns: dict[str, Floats], name: str) -> list[str]:
-    return [column for column in columns if column.lower().partition("_")[0] == name]
+    return [column for column in columns if _named(column)[0] == name]
+
+
+def _named(column: str) -> tuple[str, str]:
+    """What a column holds, and in which unit: of `Stress_kPa`, `stress (kPa)` and `stress [kPa]` the same."""
+    match = NAMED.fullmatch(column)
+    if not match:
+        return column.lower(), ""
+    return match["name"].lower(), match["unit"] or match["bracketed"] or ""
+
+
+def _factor(unit: str, units: dict[str, float]) -> float | None:
+    """The size of a unit in any case of its letters, unless that would leave open which it is."""
+    whole = unit.lower()
+    known = [u for u in units if u.lower() == whole and (whole not in AMBIGUOUS or u[0] == unit[0])]
+    return units[known[0]] if known else None
 
 
 def _first(columns: dict[str, Floats], *names: str) -> str:
@@ -209,15 +235,16 @@ def _column(path: Path, columns: dict[str, Floats], name: str) -> Floats:
     if not found:
         raise VisceraError(
             f"{path}: no column {name!r}; it has {', '.join(columns)}. "
-            "Give stretch and stress, or displacement and force"
+            "Give stretch and stress, or displacement and force, with a unit as in stress_kPa"
         )
     if len(found) > 1:
         raise VisceraError(f"{path}: the columns {' and '.join(found)} both are {name}; leave one")
-    unit, units = found[0].partition("_")[2].strip(), {"": 1.0, **UNITS[name]}
-    if unit not in units:
-        known = f"known: {', '.join(UNITS[name])}" if UNITS[name] else "it takes none"
+    unit = _named(found[0])[1]
+    factor = _factor(unit, {"": 1.0, **UNITS[name]})
+    if factor is None:
+        known = "it takes none" if name == "stretch" else f"known: {', '.join(UNITS[name])}"
         raise VisceraError(f"{path}: column {found[0]!r} has a unit that is not known of {name}, {unit!r}; {known}")
-    return columns[found[0]] * units[unit]
+    return columns[found[0]] * factor
 
 
 def _table(fits: list[Fit]) -> str:
@@ -241,6 +268,10 @@ def _intervals(found: Fit) -> list[str]:
         interval = found.intervals[name]
         if interval is not None:
             band = f"95 %: {interval[0]:.6g} to {interval[1]:.6g}"
+        elif name in found.vanishing:
+            exponent = found.vanishing[name]
+            product = f"{name} {exponent} = {value * found.parameters[exponent]:.6g} Pa"
+            band = f"{exponent} may be 0, the logarithmic strain: the curves determine {product}"
         elif found.is_ranked:
             band = "no interval: at its bound, or undetermined"
         else:

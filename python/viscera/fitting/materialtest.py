@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from numbers import Real
 
@@ -11,12 +12,14 @@ from numpy.typing import ArrayLike
 
 from viscera.curves import MODES
 from viscera.errors import VisceraError, did_you_mean
-from viscera.files.text import number, read_table
+from viscera.files.text import is_number, number, read_table
 from viscera.mesh import Floats
 from viscera.quantity import brief, refuse_masked
 from viscera.sealed import Sealed
 
 SMALLEST_STRETCH = 0.05
+UNIT = re.compile(r"[^\W\d_]{0,3}|[-%]|mm/mm")
+"""What stands under a name in a line of units."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -104,8 +107,13 @@ class MaterialTest(Sealed):
 
 
 def read_columns(path: str | os.PathLike[str]) -> dict[str, Floats]:
-    """The columns of a CSV file by the names in its first line."""
+    """The columns of a CSV file by the names in its first line; a line of units below becomes part of them."""
     names, rows = read_table(path)
+    if rows and not any(map(is_number, rows[0][1])):
+        units = [cell.strip("()[] ") for cell in rows[0][1]]
+        if all(map(UNIT.fullmatch, units)):
+            names = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
+            rows = rows[1:]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise VisceraError(f"{path}: two columns are called {twice!r}; leave one")

@@ -1,0 +1,45 @@
+"""Columns of the curves that `viscera fit` reads: where their units stand, and in which letters."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from viscera.cli import main
+from viscera.mesh import Floats
+
+STRETCH = np.concatenate([np.linspace(0.4, 0.98, 15), np.linspace(1.02, 1.8, 15)])
+
+
+def write_curve(path: Path, header: str, *columns: Floats) -> None:
+    rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True))
+    path.write_text(f"{header}\n{rows}\n")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "compression_mm,load_N", "Compression (mm),Load (N)", "compression[MM],load [n]", "Compression,Load\n(mm),(N)",
+        "compression,load_mN\nmm,", "COMPRESSION_MM,LOAD_KN",
+    ],
+)  # fmt: skip
+def test_units_stand_in_names_or_below_them(tmp_path: Path, header: str) -> None:
+    squeezed, area = np.linspace(0.6, 0.99, 12), np.pi * 0.025**2
+    per_newton = 1e3 if "_mN" in header else 1e-3 if "_KN" in header else 1.0
+    load = 1000.0 * (squeezed**-2 - squeezed) * area * per_newton
+    write_curve(tmp_path / "a.csv", header, 30.0 * (1.0 - squeezed), load)
+    words = [str(tmp_path / "a.csv"), "--length", "30 mm", "--diameter", "50 mm", "--law", "NeoHookean"]
+    assert main(["fit", *words, "--json", str(tmp_path / "r.json")]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("KPA", 1e3), ("kpa", 1e3), ("MPA", 1e6), ("pa", 1.0)])
+def test_units_are_read_in_any_case(tmp_path: Path, unit: str, factor: float) -> None:
+    write_curve(tmp_path / "a.csv", f"stretch [-],Stress_{unit}", STRETCH, 1000.0 * (STRETCH - STRETCH**-2) / factor)
+    assert main(["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
