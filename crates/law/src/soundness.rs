@@ -25,7 +25,7 @@ const BESIDE: [f64; 4] = [0.0, 1e-15, 1e-12, 1e-9];
 ///
 /// # Errors
 /// Moduli that are not positive or no numbers; a stress at rest, or one that jumps there; an energy that jumps there; no
-/// value beside rest; small strains that lower the energy.
+/// value beside rest; small strains that lower the energy or meet no stress.
 #[allow(non_snake_case)]
 pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     let refuse = |what: String| {
@@ -76,8 +76,8 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     Ok(())
 }
 
-/// A small strain that lowers the energy: the strain of 1 in the first component whose pivot of the stiffness at rest is not
-/// positive, with those before it such that they bear nothing. In a sentence.
+/// A small strain that lowers the energy or meets no stress: the strain of 1 in the first component whose pivot of the
+/// stiffness at rest is not positive, with those before it such that they bear nothing. In a sentence.
 fn instability(material: &Material, row: &[f64]) -> Option<String> {
     let (_, tangent) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
     let strains =
@@ -91,10 +91,14 @@ fn instability(material: &Material, row: &[f64]) -> Option<String> {
                 let rest: f64 = (i + 1..=k).map(|j| stiffness[i][j] * strain[j]).sum();
                 strain[i] = -rest / stiffness[i][i];
             }
-            return Some(format!(
-                "a small strain (xx, yy, zz, yz, xz, xy) along {strain:.2?} lowers the energy, so a body is not stable at \
-                 rest; look at the signs of the terms, those of fibres too"
-            ));
+            // A pivot that vanishes does so but for rounding.
+            let why = if stiffness[k][k] < -LEAST_PIVOT * largest {
+                "lowers the energy, so a body is not stable at rest; look at the signs of the terms, those of fibres too"
+            } else {
+                "meets no stress, so nothing holds a body in shape at rest; add a term that resists it, such as \
+                 mu/2*(I1bar - 3) or kappa/2*(J - 1)**2"
+            };
+            return Some(format!("a small strain (xx, yy, zz, yz, xz, xy) along {strain:.2?} {why}"));
         }
         for i in k + 1..6 {
             let factor = stiffness[i][k] / stiffness[k][k];

@@ -70,6 +70,20 @@ fn a_fibre_that_softens_lowers_the_shear_modulus() {
     }
 }
 
+/// The energy of a strain that nothing resists to second order does not fall, so the words do not say that it does.
+#[test]
+fn a_strain_that_meets_no_stress_is_not_said_to_lower_the_energy() {
+    for (text, row, word) in [
+        ("c*(I1bar - 3)**2 + k/2*(J - 1)**2", vec![1e3, 1e4], "meets no stress"),
+        ("c/2*(I1bar - 3) + k*(J - 1)**4", vec![1e3, 1e4], "meets no stress"),
+        ("c*(I1bar - 3) + k/2*(J - 1)**2", vec![-1e3, 1e4], "lowers the energy"),
+    ] {
+        let told = Material::new(&format!("{FORMULA}{text}"), vec![row]).unwrap_err().to_string();
+        assert!(told.contains("both must be positive") && told.contains(word), "{text}: {told}");
+        assert!(!(told.contains("lowers") && word != "lowers the energy"), "{text}: {told}");
+    }
+}
+
 /// A built-in law with fibres, turned, keeps both moduli.
 #[test]
 fn moduli_do_not_depend_on_how_fibres_lie() {
