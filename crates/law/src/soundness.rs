@@ -98,7 +98,9 @@ fn instability(material: &Material, row: &[f64]) -> Option<String> {
                 "meets no stress, so nothing holds a body in shape at rest; add a term that resists it, such as \
                  mu/2*(I1bar - 3) or kappa/2*(J - 1)**2"
             };
-            return Some(format!("a small strain (xx, yy, zz, yz, xz, xy) along {strain:.2?} {why}"));
+            return Some(format!(
+                "a small strain (xx, yy, zz, yz, xz, xy) along {strain:.2?} {why}"
+            ));
         }
         for i in k + 1..6 {
             let factor = stiffness[i][k] / stiffness[k][k];
