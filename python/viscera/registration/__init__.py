@@ -8,6 +8,8 @@ rigid.py       rigid motions; where the organ is, before anything deforms
 forces.py      forces on the boundary and in the volume, and the equilibrium responses of the organ to them
 causes.py      one thing that may have happened, and what is believed over all of them
 fit.py         the most probable motion and forces, by Gauss-Newton with closest points renewed
+normals.py     on which face of the organ a point of the cloud lies
+rivals.py      other poses in which the organ fits as well
 residuals.py   what is left between points and organ, and whether that is a good fit
 registered.py  what comes out
 """

@@ -111,8 +111,8 @@ class _Weighed:
 
 def believed(
     data: Floats, right: Floats, priors: list[Floats], kinds: list[Floats], sizes: list[float]
-) -> tuple[Floats, Floats]:
-    """Mean (p,) and covariance (p, p) of all unknowns, over causes and over sizes of the small forces.
+) -> tuple[Floats, Floats, float]:
+    """Mean (p,) and covariance (p, p) of all unknowns, over causes and over sizes of the small forces; log evidence.
 
     data (p, p), right (p,): the normal equations, in which the forces are the unknowns from 6 on; priors (p, p).
     """
@@ -138,7 +138,7 @@ def believed(
     weight = weight / weight.sum()
     mean = every @ weight
     apart = (every - mean[:, None]) * np.sqrt(weight)
-    return mean, covariance + apart @ apart.T
+    return mean, covariance + apart @ apart.T, largest + float(np.log(total))
 
 
 def _weighed(hessian: Floats, right: Floats, prior: Floats, kinds: list[Floats], sizes: list[float]) -> list[_Weighed]:

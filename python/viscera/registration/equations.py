@@ -9,6 +9,7 @@ import numpy as np
 
 from viscera.mesh import Floats, Indices
 from viscera.registration.forces import Forces
+from viscera.registration.normals import agreement, normals_of
 from viscera.registration.observed import Observed
 from viscera.registration.rigid import TUKEY, Rigid, Shape, levers, spaced, spread, tukey
 
@@ -85,6 +86,7 @@ class Equations:
         self.organ, self.seen, self.visible, self.forces = organ, seen, visible, forces
         self.size = organ.mesh.diagonal
         self.cloud, self.weights = averaged(seen.surface, seen.weights, CUBE * self.size)
+        self.facing = normals_of(self.cloud)
         self.sample = organ.mesh.surface_nodes[:: max(1, len(organ.mesh.surface_nodes) // 100)]
         self.centre = organ.mesh.points.mean(axis=0)
         self.wrong = self._wrong()
@@ -107,8 +109,13 @@ class Equations:
         values, vectors = np.linalg.eigh(own + 1e-6 * np.eye(len(own)))
         return np.asarray(WRONG * self.size * kernel @ (vectors / np.sqrt(values)))
 
-    def at(self, at: Iterate, responses: Floats, scale: float) -> tuple[Floats, Floats, Floats, float]:
-        """Rows (k, p) of turn, shift, amplitudes and errors, residuals (k,) [m], weights (k,) [1/m^2], scatter [m]."""
+    def at(
+        self, at: Iterate, responses: Floats, scale: float, *, is_faced: bool = False
+    ) -> tuple[Floats, Floats, Floats, float]:
+        """Rows (k, p) of turn, shift, amplitudes and errors, residuals (k,) [m], weights (k,) [1/m^2], scatter [m].
+
+        is_faced: of the cloud only what lies on faces that face as it does (normals.py) counts.
+        """
         flat = responses.reshape(-1, responses.shape[2])
         rows, residuals, weights, scatter = [], [], [], self.seen.noise
         if len(self.cloud):
@@ -116,13 +123,14 @@ class Equations:
             z = at.motion.back(self.cloud)
             _, corners, shares, p, normal = shape.closest(z)
             residual = np.einsum("ki,ki->k", normal, z - p)
+            own = agreement(normal, at.motion.turned_back(self.facing)) if is_faced else 1.0
             beside = np.maximum(np.linalg.norm(z - p, axis=1) - 3.0 * scale, 0.0)
             scatter = spread(residual, self.weights)
             moved = _along(flat, corners, shares, normal)
             rows.append(np.concatenate([np.cross(z - self.centre, normal), normal, moved, self.wrong], axis=1))
             residuals.append(residual)
             weights.append(
-                self.weights * tukey(residual, scale) * tukey(beside, scale) / (at.doubt * self.seen.noise**2)
+                self.weights * own * tukey(residual, scale) * tukey(beside, scale) / (at.doubt * self.seen.noise**2)
             )
         if self.seen.members:
             x = self.means(self.organ.mesh.points + at.displacement)

@@ -17,7 +17,8 @@ resist those that move the whole organ, whereas what moves organs is smooth.
 
 Smooth forces and the tangent at rest (smooth.py) say which start is the best. From there the fit looks for one cause
 beside small smooth forces, under forces that turn with the organ (onecause.py). If that finds no equilibrium, the fit
-with smooth forces alone is the answer; its forces keep their directions.
+with smooth forces alone is the answer; its forces keep their directions. Other poses that fit as well are told too
+(rivals.py).
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from viscera.registration.onecause import STEPS, OneCause
 from viscera.registration.registered import LINEARISED, Registered, band_of, wrong_by_model
 from viscera.registration.residuals import Left, left
 from viscera.registration.rigid import TUKEY, Rigid, Shape, levers, spread, starts
+from viscera.registration.rivals import Rivals
 from viscera.registration.smooth import Smooth
 
 if TYPE_CHECKING:
@@ -76,11 +78,26 @@ def register(
     for motion in motions:
         found.append(smooth.begun(motion))
         tell()
-    best = min(found, key=lambda iterate: iterate.cost)
-    one, message = OneCause(equations, smooth.metrics).followed(best.motion, tell)
-    if one.is_lost:
-        one, message = smooth.followed(best, tell)
-    return _Result(equations, seen).of(one, message, perf_counter() - began)
+    found.sort(key=lambda iterate: iterate.cost)
+    one_cause = OneCause(equations, smooth.metrics)
+
+    def follow(begun: Iterate) -> tuple[Iterate, str]:
+        end, message = one_cause.followed(begun.motion, tell)
+        if not end.is_lost:
+            one_cause.tell(end)
+            return end, message
+        end, message = smooth.followed(begun, tell)
+        smooth.tell(end)
+        return end, message
+
+    end, message = follow(found[0])
+    result = _Result(equations, seen)
+    rivals: list[Iterate] = []
+    is_searched = start is None and not counted.fixes_motion
+    if is_searched and not message:
+        band, observed, _ = result.told(end)
+        end, rivals = Rivals(smooth, one_cause, follow).told_apart(end, found, band, observed)
+    return result.of(end, rivals, message, perf_counter() - began)
 
 
 class _Result:
@@ -91,7 +108,16 @@ class _Result:
         self.equations, self.organ, self.seen = equations, equations.organ, seen
         self.visible = equations.visible
 
-    def of(self, at: Iterate, message: str, seconds: float) -> Registered:
+    def told(self, at: Iterate) -> tuple[Floats, NDArray[np.bool_], Floats]:
+        """Band (n,) [m], whether a node is observed (n,), and the covariance (n, 3, 3) [m^2] in the organ's axes."""
+        points = self.organ.mesh.points
+        covariance = self._covariance(at, points + at.displacement)
+        prior = np.einsum("nim,mk,nik->n", at.responses, np.linalg.inv(at.prior), at.responses, optimize=True)
+        band = band_of(LINEARISED**2 * covariance, wrong_by_model(points, at.displacement))
+        return band, np.trace(covariance, axis1=1, axis2=2) < 0.25 * (prior + 1e-30), covariance
+
+    def of(self, at: Iterate, rivals: list[Iterate], message: str, seconds: float) -> Registered:
+        """rivals: other poses that fit as well."""
         mesh, motion = self.organ.mesh, at.motion
         force = self.equations.forces.nodal(at.amplitudes)
         state = self.organ.solve(force=force, start=at.displacement, settings={"tolerance": NEARLY})
@@ -111,9 +137,7 @@ class _Result:
         if self.seen.members:
             gaps = np.linalg.norm(motion.back(self.seen.measured) - self.equations.means(x), axis=1)
             pairs = dict(zip(self.seen.labels, gaps.tolist(), strict=True))
-        covariance = self._covariance(at, x)
-        prior = np.einsum("nim,mk,nik->n", at.responses, np.linalg.inv(at.prior), at.responses, optimize=True)
-        known = np.trace(covariance, axis1=1, axis2=2)
+        band, observed, covariance = self.told(at)
         return Registered(
             self.organ,
             state,
@@ -122,8 +146,9 @@ class _Result:
             inliers=inside,
             pair_residual=pairs,
             covariance=np.einsum("ij,njk,lk->nil", motion.rotation, covariance, motion.rotation, optimize=True),
-            band=band_of(LINEARISED**2 * covariance, wrong_by_model(mesh.points, at.displacement)),
-            observed=known < 0.25 * (prior + 1e-30),
+            band=band,
+            observed=observed,
+            rivals=[other.motion(mesh.points + other.displacement) - mesh.points for other in rivals],
             coverage=coverage,
             left=rest,
             nodal_force=force,

@@ -25,6 +25,8 @@ BESIDE_CLOUD = 2.0
 """Diagonals between a landmark and the cloud."""
 BESIDE_LINE = 0.01
 """Diagonals by which landmarks and points extend beside the line through most of them, to fix a rigid motion."""
+LARGEST_NOISE = 0.25
+"""Diagonals of the organ; what is as uncertain as that says nothing of it, and is in another unit."""
 FEWEST = 20
 """Surface points by which an organ is looked for without landmarks."""
 LINE = 1e-3
@@ -122,6 +124,7 @@ def observed(
             f"{len(counted.surface)} surface points{beside} are too few to find the organ by; give {FEWEST}, or three "
             "landmarks"
         )
+    _check_noise(seen, landmark_noise)
     _check_extent(counted)
     return seen
 
@@ -176,6 +179,19 @@ def _within(mesh: Mesh, places: Floats) -> list[tuple[NDArray[np.int64], Floats]
         else:
             found.append((linear.cells[cell].astype(np.int64), share))
     return found
+
+
+def _check_noise(seen: Observed, landmark_noise: float) -> None:
+    """Raise `VisceraError` if the noise of what was measured is as large as the organ."""
+    for what, noise, count in (
+        ("the surface points", seen.noise, len(seen.surface)),
+        ("landmarks and points", landmark_noise, len(seen.places)),
+    ):
+        if count and noise > LARGEST_NOISE * seen.size:
+            raise VisceraError(
+                f"the noise of {what} is {noise:.3g} m and the organ extends over {seen.size:.3g} m, so they would say "
+                "nothing of it; was it meant in metres? Give it with its unit, such as '2 mm'"
+            )
 
 
 def _check_extent(seen: Observed) -> None:

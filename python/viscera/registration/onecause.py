@@ -140,20 +140,12 @@ class OneCause:
         equations, responses = self.equations, tangent.responses
         x = self.points + tangent.displacement
         known, motions = equations.n_known, equations.motions(responses, x)
-        kinds = self.causes.at(x, responses)
-        sizes = [size * self.size for size in SIZES]
-        scale = 2.0 * equations.seen.noise
+        kinds, scale = self.causes.at(x, responses), 2.0 * equations.seen.noise
         self._place(at, tangent)
         for _ in range(RENEWED):
-            rows, residual, weight, scatter = equations.at(at, responses, scale)
-            turn = tangent.turn + tangent.turns @ (at.amplitudes - tangent.amplitudes)
-            held = equations.held(tangent.turns, turn, FREE_SWING)
-            rows, residual, weight = map(np.concatenate, zip((rows, residual, weight), held, strict=True))
-            unknowns = equations.unknowns(at)
-            data, right = (rows * weight[:, None]).T @ rows, rows.T @ (weight * residual)
-            mean, covariance = believed(data, right + data @ unknowns, self.priors, kinds, sizes)
+            mean, covariance, scatter, _ = self._believed(at, tangent, kinds, scale)
             at.covariance = covariance[:known, :known]
-            largest = equations.advance(at, mean - unknowns, motions)
+            largest = equations.advance(at, mean - equations.unknowns(at), motions)
             self._place(at, tangent)
             scale = equations.narrowed(scale, scatter)
             if largest < STILL * self.size:
@@ -163,6 +155,38 @@ class OneCause:
         net = (at.displacement - tangent.displacement)[equations.sample]
         at.length = float(np.linalg.norm(net) / np.linalg.norm(motions[:, :known] @ root))
         return self._shortened(at, tangent)
+
+    def _believed(
+        self, at: Iterate, tangent: Tangent, kinds: list[Floats], scale: float, *, is_faced: bool = False
+    ) -> tuple[Floats, Floats, float, float]:
+        """Mean (p,) and covariance (p, p) of all unknowns over the causes, scatter of the cloud [m], log evidence."""
+        equations = self.equations
+        rows, residual, weight, scatter = equations.at(at, tangent.responses, scale, is_faced=is_faced)
+        missed = equations.missed(weight, at.doubt)
+        turn = tangent.turn + tangent.turns @ (at.amplitudes - tangent.amplitudes)
+        held = equations.held(tangent.turns, turn, FREE_SWING)
+        rows, residual, weight = map(np.concatenate, zip((rows, residual, weight), held, strict=True))
+        whole = residual + rows @ equations.unknowns(at)
+        data, right = (rows * weight[:, None]).T @ rows, rows.T @ (weight * whole)
+        sizes = [size * self.size for size in SIZES]
+        mean, covariance, log = believed(data, right, self.priors, kinds, sizes)
+        return mean, covariance, scatter, log - 0.5 * (float(weight @ whole**2) + missed)
+
+    def tell(self, at: Iterate) -> None:
+        """What is known where the fit ended, by what of the cloud says where along the organ it lies (normals.py)."""
+        tangent = self._tangent(at)
+        at.covariance, at.responses = self._known(at, tangent, is_faced=True)[0], tangent.responses
+
+    def evidence(self, at: Iterate) -> float:
+        """Logarithm of the probability of the data where a fit ended, up to a number that all poses have in common."""
+        return self._known(at, self._tangent(at), is_faced=False)[1]
+
+    def _known(self, at: Iterate, tangent: Tangent, *, is_faced: bool) -> tuple[Floats, float]:
+        """Covariance of rigid motion and forces, and the log evidence."""
+        known, scale = self.equations.n_known, 2.0 * self.equations.seen.noise
+        kinds = self.causes.at(self.points + at.displacement, tangent.responses)
+        _, covariance, _, log = self._believed(at, tangent, kinds, scale, is_faced=is_faced)
+        return covariance[:known, :known], log
 
     def _place(self, at: Iterate, tangent: Tangent) -> None:
         """Where the tangent says that the organ is, rigid motion apart."""

@@ -54,6 +54,7 @@ class Registered(Deformed, Pictured):
         covariance: Floats,
         band: Floats,
         observed: NDArray[np.bool_],
+        rivals: list[Floats],
         coverage: float,
         left: Left | None,
         nodal_force: Floats,
@@ -80,10 +81,14 @@ class Registered(Deformed, Pictured):
         """Remaining distance [m] at each landmark, and at each point under the names "point 0", "point 1", ..."""
         self.covariance = covariance
         """Covariance (n, 3, 3) [m^2] of the position of each node by noise and unknown forces, linearised."""
-        self.band = band
+        self.rivals: Floats = np.array(rivals, dtype=float).reshape(-1, *self.displacement.shape)
+        """Displacements (r, n, 3) [m] of other poses of the organ that fit what was measured as well."""
+        gap = np.linalg.norm(self.rivals - self.displacement, axis=2).max(axis=0, initial=0.0)
+        self.band: Floats = np.maximum(band, gap)
         """Radius (n,) [m] around each position within which the true one lies with a probability of 95 %."""
-        self.is_observed = observed
-        """(n,) whether the data observe a node: they leave less than a quarter of its variance without data."""
+        self.is_observed: NDArray[np.bool_] = observed & (gap <= band)
+        """(n,) whether the data observe a node: they leave less than a quarter of its variance without data, and no
+        other pose that fits as well has it elsewhere."""
         self.coverage = coverage
         """Share of the surface that the measured points lie on."""
         self.misfit: float | None = None if left is None else left.misfit
@@ -101,17 +106,19 @@ class Registered(Deformed, Pictured):
         self.is_converged: bool = is_settled and state.is_converged
         self.seconds = seconds
         """Wall time."""
-        self.message = message or "; ".join(filter(None, (self._unexplained(), self._unseen())))
+        self.message = message or "; ".join(filter(None, (self._unexplained(), self._ambiguous(), self._unseen())))
         """What went wrong, what does not fit, or what was not observed; empty if none of these."""
         self._seal()
 
     @property
     def status(self) -> str:
-        """ "converged", "partly observed", "poor fit" or "not converged"."""
+        """ "converged", "partly observed", "not observed" (no node is), "poor fit" or "not converged"."""
         if not self.is_converged:
             return "not converged"
         if self.is_poor_fit:
             return "poor fit"
+        if not self.is_observed.any():
+            return "not observed"
         return "converged" if self.is_observed.all() else "partly observed"
 
     def _unexplained(self) -> str:
@@ -127,6 +134,15 @@ class Registered(Deformed, Pictured):
         return (
             f"{how}; do not trust the band; are they in another scale, mirrored or noisier than was said, is their "
             "noise the same over whole regions, or is the mesh too coarse?"
+        )
+
+    def _ambiguous(self) -> str:
+        if not len(self.rivals):
+            return ""
+        far = float(np.linalg.norm(self.rivals - self.displacement, axis=2).max())
+        return (
+            f"{len(self.rivals) + 1} poses fit the data about equally, with nodes up to {1e3 * far:.3g} mm elsewhere; "
+            "this is the one that turns the organ least; say by landmarks, `visible` or `start` which is right"
         )
 
     def _unseen(self) -> str:

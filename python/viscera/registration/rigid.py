@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,13 @@ N_KEPT = 8  # starts that are followed further
 APART = 0.015  # diagonals between two motions that differ
 N_STARTS = 2  # that the fit begins from
 N_PLACES = 10  # of the surface, where the middle of the cloud may lie
+ALIKE = 1.5  # times as far from the cloud, a pose may still be as good once the organ has deformed
+QUARTERS = [
+    turn
+    for order in permutations(range(3))
+    for signs in product((1.0, -1.0), repeat=3)
+    if np.linalg.det(turn := np.diag(signs)[list(order)]) > 0.0 and np.trace(turn) < 3.0
+]  # all rotations but one that take the axes to each other
 TURN = np.radians(40.0)  # of the starts away from the given orientation
 FAR = 0.1  # of the diagonal from the organ, a point is not its own
 TUKEY = 4.685  # residuals beyond so many standard deviations count as outliers; Beaton and Tukey (1974)
@@ -39,6 +47,10 @@ class Rigid:
     def back(self, y: Floats) -> Floats:
         """The inverse."""
         return np.asarray((y - self.translation) @ self.rotation)
+
+    def turned_back(self, vectors: Floats) -> Floats:
+        """Directions (k, 3) of the moved organ in its own axes."""
+        return np.asarray(vectors @ self.rotation)
 
     def turned(self, turn: Floats, shift: Floats, centre: Floats) -> Rigid:
         """This motion after a small one in the organ's axes: x -> x + turn x (x - centre) + shift."""
@@ -191,6 +203,29 @@ def starts(shape: Shape, seen: Observed, given: Rigid | None) -> list[Rigid]:
         if min(gaps, default=np.inf) > APART * shape.diagonal:
             kept.append(motion)
     return kept[:N_STARTS]
+
+
+def turned(shape: Shape, seen: Observed, motion: Rigid) -> list[Rigid]:
+    """Other rigid motions that bring the organ about as near to the cloud, the nearest first.
+
+    They are tried from quarter and half turns of the organ about its axes of inertia: what looks alike from several
+    sides is mostly turned so.
+    """
+    middle = shape.points.mean(axis=0)
+    axes = np.linalg.eigh(np.cov((shape.points - middle).T))[1]
+    near, own = _icp(shape, seen, motion, N_FINE, FINE_STEPS)
+    enough = ALIKE * near + seen.noise
+    kept, found = [motion, own], []
+    for turn in QUARTERS:
+        spun = axes @ turn @ axes.T
+        begin = Rigid(motion.rotation @ spun, motion(middle - spun @ middle))
+        if _icp(shape, seen, begin, N_COARSE, COARSE_STEPS)[0] < 2.0 * enough:
+            found.append(_icp(shape, seen, begin, N_FINE, FINE_STEPS))
+    for misfit, other in sorted(found, key=lambda pair: pair[0]):
+        gaps = [np.linalg.norm(other(shape.points) - each(shape.points), axis=1).max() for each in kept]
+        if misfit < enough and min(gaps) > APART * shape.diagonal:
+            kept.append(other)
+    return kept[2:]
 
 
 def _icp(shape: Shape, seen: Observed, motion: Rigid, count: int, steps: int) -> tuple[float, Rigid]:

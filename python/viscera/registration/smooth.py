@@ -85,14 +85,22 @@ class Smooth:
             message = f"{TANGENTS} tangents leave a node {1e3 * best.change:.1f} mm from equilibrium"
         return best, message
 
+    def tell(self, at: Iterate) -> None:
+        """What is known where the fit ended, by what of the cloud says where along the organ it lies (normals.py)."""
+        further = replace(at, expected=at.expected.copy())
+        self._improve(further, at, self.forces.responses(at.displacement), 1, 0.0, is_faced=True)
+        at.covariance, at.responses, at.prior = further.covariance, further.responses, further.prior
+
     def is_settled(self, at: Iterate, factor: float = 3.0) -> bool:
         """Whether the tangent was good enough, and its step not shortened, by so many times `SETTLED`."""
         return not at.is_cut and at.change < factor * SETTLED * self.size
 
-    def _improve(self, at: Iterate, before: Iterate, responses: Floats, count: int, far: float) -> None:
+    def _improve(
+        self, at: Iterate, before: Iterate, responses: Floats, count: int, far: float, *, is_faced: bool = False
+    ) -> None:
         """Gauss-Newton with the equilibrium before linearised, u + U (a' - a), U without rigid motions: T has those.
 
-        far: residuals [m] that belong to the organ for certain.
+        far: residuals [m] that belong to the organ for certain; is_faced: as `Equations.at` takes it.
         """
         equations, begin_u, begin_a = self.equations, before.displacement, before.amplitudes
         x = self.organ.mesh.points + begin_u
@@ -102,7 +110,7 @@ class Smooth:
         begin_turn = vector_of(aligned(self.organ.mesh.points, x, np.ones(len(x))).rotation)
         scale = max(far, 2.0 * equations.seen.noise)
         for _ in range(count):
-            rows, residual, weight, scatter = equations.at(at, responses, scale)
+            rows, residual, weight, scatter = equations.at(at, responses, scale, is_faced=is_faced)
             held = equations.held(turns, begin_turn + turns @ (at.amplitudes - begin_a), SWING)
             rows, residual, weight = map(np.concatenate, zip((rows, residual, weight), held, strict=True))
             prior, unknowns = equations.prior(metrics, at.expected), equations.unknowns(at)
