@@ -119,6 +119,32 @@ def test_what_cannot_be_read_is_refused(folder: Path, capsys: pytest.CaptureFixt
     assert "cannot be written as .foo" in refused(capsys, case, str(folder / "cloud.csv"), "-o", unknown)
 
 
+def test_a_bare_noise_beside_another_unit_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A number is in metres wherever it stands; beside a cloud in millimetres that would be a slip."""
+    case, cloud = str(folder / "beam.toml"), str(folder / "cloud.csv")
+    for option in ("--noise", "--landmark-noise"):
+        said = refused(capsys, case, cloud, "--units", "mm", option, "1")
+        assert f"{option} 1 is in metres" in said
+        assert f"as in {option} 1mm" in said
+    assert "the noise of the surface points is 1 m" in refused(capsys, case, cloud, "--units", "mm", "--noise", "1m")
+
+
+def test_a_case_under_loads_of_its_scan_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = folder / "scanned.toml"
+    case.write_text(CASE + "[scan]\ngravity = [0, 0, -1.0]\ndensity = 1000\n", encoding="utf-8")
+    said = refused(capsys, str(case), str(folder / "cloud.csv"), "--units", "mm")
+    assert "`viscera register` takes the mesh as free of load; leave the [scan] out" in said
+
+
+def test_a_registration_that_observes_nothing_fails(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Points on one flat face leave the beam free to slide along it."""
+    places = np.random.default_rng(2).uniform(size=(60, 3)) * [400.0, 150.0, 0.0] + [300.0, 20.0, 200.0]
+    np.savetxt(folder / "face.csv", places, delimiter=", ", header="x, y, z", comments="")
+    words = ["--units", "mm", "--noise", "1mm", "--visible", "z > 95%"]
+    assert cli.main(["register", str(folder / "beam.toml"), str(folder / "face.csv"), *words]) == 1
+    assert "beam.toml: not observed, " in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [

@@ -237,8 +237,8 @@ class Case(Solvable):
         with naming(self.file):
             return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
 
-    def require_unloaded(self, verb: str) -> None:
-        """Raise `VisceraError` if the case has a [scan], which only `viscera solve` can remove.
+    def require_unloaded(self, verb: str, remedy: str = "solve the [scan] first, with `viscera solve`") -> None:
+        """Raise `VisceraError` with the remedy if the case has a [scan], which only `viscera solve` can remove.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -248,9 +248,7 @@ class Case(Solvable):
         viscera.errors.VisceraError: `viscera compare` takes the mesh as free of load; ...
         """
         if self.scan:
-            raise VisceraError(
-                f"`viscera {verb}` takes the mesh as free of load; solve the [scan] first, with `viscera solve`"
-            )
+            raise VisceraError(f"`viscera {verb}` takes the mesh as free of load; {remedy}")
 
     def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
         """Total force (3,) [N] at each place that holds or moves the organ, by its name in the case.

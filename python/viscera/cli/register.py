@@ -1,9 +1,9 @@
 """Find an organ from what was measured of it: points on a part of its surface, landmarks with names.
 
 viscera register CASE.toml cloud.ply --units mm --noise 2mm -o now.vtu
-The case names mesh, material and fixed nodes; its loads play no part. What moved the organ is unknown: mostly one
-cause, a pressure, a pull or its weight. Fails (exit 1) if the registration did not converge, or if the organ fits the
-points so poorly that its band is not to be trusted.
+The case names mesh, material and fixed nodes; its [loads] play no part, and a [scan] is refused. What moved the organ
+is unknown: mostly one cause, a pressure, a pull or its weight. Fails (exit 1) if the registration did not converge, if
+the organ fits the points so poorly that its band is not to be trusted, or if they observe no part of it.
 """
 
 from __future__ import annotations
@@ -18,10 +18,19 @@ from viscera.cases.case import read_case
 from viscera.cli.options import metres, number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output, iterations
 from viscera.errors import VisceraError
+from viscera.files.mesh import metres_per_unit
 from viscera.output import state as statefile
 from viscera.output.kind import CASE, require
 from viscera.registration import Registered
 from viscera.registration.measured import CLOUDS, read_cloud, read_landmarks
+
+USABLE = ("converged", "partly observed")
+"""Statuses of a registration whose band may be trusted where it is observed."""
+UNLOAD = (
+    "leave the [scan] out if it moves the organ little, or register what it leaves, in Python: "
+    "`case.unloaded(case.organ()).organ.register(...)`, whose displacements count from there"
+)
+"""What to do about a case that has one."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,12 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="unit of cloud and landmarks: m (default), cm, mm, um, inch, or metres per unit",
     )  # fmt: skip
     parser.add_argument(
-        "--noise", type=metres, default=2e-3, metavar="LENGTH",
-        help="standard deviation of the points along each axis (default 2 mm)",
+        "--noise", type=_noise, default="2mm", metavar="LENGTH",
+        help="standard deviation of the points along each axis, such as 1mm (default 2 mm)",
     )  # fmt: skip
     parser.add_argument(
         "--landmark-noise",
-        type=metres,
+        type=_noise,
         metavar="LENGTH",
         help="the same of the landmarks (default: that of the points)",
     )
@@ -58,24 +67,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _noise(text: str) -> tuple[str, float]:
+    """A length as it was written, and in metres."""
+    return text.strip(), metres(text)
+
+
+def _with_unit(option: str, noise: tuple[str, float], units: str | float) -> float:
+    """The noise [m]; raises `VisceraError` for a bare number beside a cloud in another unit than metres."""
+    text, length = noise
+    if isinstance(number_or_words(text), float) and metres_per_unit(units) != 1.0:
+        raise VisceraError(
+            f"{option} {text} is in metres, and --units {units} is of the cloud and the landmarks; write its unit, as "
+            f"in {option} {text}{units if isinstance(units, str) else 'mm'}"
+        )
+    return length
+
+
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read, register, print, write."""
     written = (("-o", args.output), ("--shape", args.shape))
     output.spare([args.case, args.cloud, args.landmarks], *written)
     require(args.case, CASE)
     case = read_case(args.case)
+    case.require_unloaded("register", UNLOAD)
     output.spare(case.files, *written)
     for path in (args.output, args.shape):
         if path is not None:
             statefile.checked(path)
     if args.cloud is None and args.landmarks is None:
         raise VisceraError("nothing was measured; name a cloud of points, or --landmarks")
+    noise = _with_unit("--noise", args.noise, args.units)
+    own = args.landmark_noise
+    landmark_noise = None if own is None else _with_unit("--landmark-noise", own, args.units)
     cloud = None if args.cloud is None else read_cloud(args.cloud, args.units)
     landmarks = None if args.landmarks is None else read_landmarks(args.landmarks, args.units)
     organ = output.organ(case)
     with progress.bar(output.is_quiet) as bar:
         found = organ.register(
-            cloud, landmarks=landmarks, noise=args.noise, landmark_noise=args.landmark_noise, visible=args.visible,
+            cloud, landmarks=landmarks, noise=noise, landmark_noise=landmark_noise, visible=args.visible,
             loaded=args.loaded, progress=bar,
         )  # fmt: skip
     facts = _facts(found)
@@ -86,7 +115,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         if path is not None:
             result.write(path)
             output.say(f"  written to {path}: {statefile.contents(path)}")
-    return Outcome(found.status, DONE if found.is_converged and not found.is_poor_fit else FAILED, facts)
+    return Outcome(found.status, DONE if found.status in USABLE else FAILED, facts)
 
 
 def _say(found: Registered, facts: dict[str, Any], output: Output) -> None:
