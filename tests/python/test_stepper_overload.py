@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,14 @@ import numpy as np
 import pytest
 
 import viscera as vs
+
+Block = Callable[..., tuple[np.ndarray, np.ndarray]]
+
+
+def volumes(mesh: vs.Mesh, displacement: Any) -> np.ndarray:
+    """Six times the volumes of the cells [m^3]."""
+    a, b, c, d = (mesh.points + displacement)[mesh.cells].swapaxes(0, 1)
+    return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a))
 
 
 def overloaded(mesh: vs.Mesh, stepper: vs.Stepper, force: Any, frames: int) -> tuple[float, float, int]:
@@ -18,8 +28,7 @@ def overloaded(mesh: vs.Mesh, stepper: vs.Stepper, force: Any, frames: int) -> t
     for k in range(frames + 400):
         frame = stepper.frame(force={"tip": force}) if k < frames else stepper.frame()
         size = float(np.abs(frame.displacement).max())
-        a, b, c, d = (mesh.points + frame.displacement)[mesh.cells].swapaxes(0, 1)
-        assert np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a).min() > 0, "a cell is inside out"
+        assert volumes(mesh, frame.displacement).min() > 0, "a cell is inside out"
         most = max(most, frame.cells_at_bound)
         if k < frames:
             largest = max(largest, size)
@@ -55,6 +64,9 @@ def test_a_bar_at_its_bounds_says_so_and_leaves_them(bar: vs.Mesh) -> None:
     for _ in range(60):
         loaded = stepper.frame(force={"tip": (0, 0, -750)})
     assert loaded.cells_at_bound > 150
+    ratios = volumes(bar, loaded.displacement) / volumes(bar, 0.0)
+    worst = f"cell {ratios.argmin()} with {100 * ratios.min():.3g} % of its volume"
+    assert f"{loaded.cells_at_bound} cells at a bound, {worst}" in repr(loaded)
     free = [stepper.frame() for _ in range(20)]
     assert not any(frame.is_settled for frame in (loaded, *free) if frame.cells_at_bound > 0)
     assert free[-1].is_settled
@@ -85,3 +97,25 @@ def test_a_coarse_liver_of_rubber_comes_back_from_an_overload(shared: Path) -> N
     assert at_bound > 0
     assert largest > 0.1
     assert rest < 0.01
+
+
+def test_a_stepper_that_starts_with_a_crushed_cell_says_so(block: Block) -> None:
+    """A solve knows no bound and names the cell; frames from there are at a bound until the load is gone."""
+    points, cells = block((3, 1, 1), (0.3, 0.1, 0.1))
+    ends = {"root": np.flatnonzero(points[:, 0] == 0.0), "tip": np.flatnonzero(points[:, 0] == 0.3)}
+    organ = vs.Organ(vs.mesh(points, cells, ends), vs.NeoHookean(young=1e4, poisson=0.3), fixed="root")
+    # No node can move aside, so every cell is pressed to the same part of its volume.
+    still = {"x > 5% and x < 95%": (None, 0.0, 0.0)}
+    crushed = organ.solve(displacement={"tip": (-0.294, 0.0, 0.0), **still}, throw=True)
+    assert re.search(r"; cell \d+ has 2.00 % of its volume left, less than the 5 %", crushed.message)
+    stepper = organ.stepper(start=crushed)
+    held = stepper.frame({"tip": (-0.294, 0.0, 0.0), **still})
+    assert held.displacement == pytest.approx(crushed.displacement, abs=1e-9)
+    assert held.residual < 1e-6
+    assert (held.cells_at_bound, held.is_settled) == (len(cells), False)
+    assert "18 cells at a bound, cell " in repr(held)
+    assert " with 2 % of its volume" in repr(held)
+    for _ in range(20):
+        free = stepper.frame({"tip": (0.0, 0.0, 0.0), **still})
+    assert (free.cells_at_bound, free.is_settled) == (0, True)
+    assert np.abs(free.displacement).max() < 1e-6

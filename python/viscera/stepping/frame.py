@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from viscera.organ import Organ
 
+BOUNDS = (0.05, 4.0)
+"""Volume ratios within which frames keep cells."""
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Frame(Deformed, Pictured):
@@ -49,8 +52,9 @@ class Frame(Deformed, Pictured):
     steps: int
     """Newton iterations done."""
     cells_at_bound: int
-    """Cells next to a bound of the volume ratio, 0.05 or 4, which no frame passes. The force of a barrier acts on them
-    beside that of the law. `Linear` and `StableNeoHookean` let cells turn inside out and have no bounds."""
+    """Cells next to a bound of the volume ratio, 0.05 or 4, which no frame passes, or beyond it since the start. The
+    force of a barrier acts on them beside that of the law. Where some remain, spread the load or what holds the organ
+    there, or remesh it. `Linear` and `StableNeoHookean` let cells turn inside out and have no bounds."""
     taken: float
     """Part of the step that was taken: below 1 if a cell would have been crushed or torn. Hands moved only so far."""
     is_unstable: bool
@@ -84,18 +88,28 @@ class Frame(Deformed, Pictured):
     _grips: list[tuple[Forceps, JawForces]]
 
     def __repr__(self) -> str:
-        inside_out = self._inside_out()
+        inside_out, at_bound = self._inside_out(), self._at_bound()
         flags = {
             "settled": self.is_settled,
             "not settled": not self.is_settled,
             "unstable": self.is_unstable,
-            f"{self.cells_at_bound} cells at a bound": self.cells_at_bound > 0,
+            at_bound: at_bound != "",
             inside_out: inside_out != "",
             "linear system not solved": not self.is_solved,
             "over budget": not self.within_budget,
         }
         said = ", ".join(word for word, is_true in flags.items() if is_true)
         return f"Frame(residual {self.residual:.1e}, taken {self.taken:.3g}, {said})"
+
+    def _at_bound(self) -> str:
+        """How many cells are at a bound of their volume, and which is farthest from its own; empty if none is."""
+        if self.cells_at_bound == 0:
+            return ""
+        ratios = self._response.volume_ratio
+        low, high = BOUNDS
+        cell, point = np.unravel_index(np.maximum(low / ratios, ratios / high).argmax(), ratios.shape)
+        cells = "1 cell" if self.cells_at_bound == 1 else f"{self.cells_at_bound} cells"
+        return f"{cells} at a bound, cell {cell} with {100.0 * ratios[cell, point]:.3g} % of its volume"
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self._organ.mesh, self.displacement

@@ -2,6 +2,8 @@
 
 use super::outcome::Status;
 use super::problem::Problem;
+use super::stepper::SOUND;
+use crate::body::Body;
 use crate::error::Error;
 use crate::linear::FactorError;
 
@@ -103,6 +105,16 @@ pub(super) struct Ending {
     /// it.
     pub residual: f64,
     pub tolerance: f64,
+    /// The cell farthest beyond the volume ratios in which frames keep cells, and its `J`.
+    pub unsound: Option<(usize, f64)>,
+}
+
+/// The cell farthest beyond the volume ratios in which frames keep cells, and its `J`; none where the law lets cells turn
+/// inside out.
+pub(super) fn unsound_cell(body: &Body, u: &[f64]) -> Option<(usize, f64)> {
+    let beyond = |j: f64| (SOUND[0] / j).max(j / SOUND[1]);
+    let found = body.outliers(u, SOUND).into_iter().map(|point| (point.cell, point.volume_ratio));
+    found.max_by(|one, other| beyond(one.1).total_cmp(&beyond(other.1)))
 }
 
 impl Ending {
@@ -135,7 +147,7 @@ impl Ending {
             );
         }
         if is_converged {
-            return text;
+            return text + &self.doubt();
         }
         text += &self.remedy(problem);
         if problem.body.material().name() == "saint_venant_kirchhoff" {
@@ -143,6 +155,20 @@ impl Ending {
                      crushed, a known flaw of the law: use NeoHookean";
         }
         text
+    }
+
+    /// Where a solution is no state of tissue, though it has converged.
+    fn doubt(&self) -> String {
+        let [low, high] = SOUND;
+        let Some((cell, j)) = self.unsound else { return String::new() };
+        let has = if j <= low {
+            format!("{:.2} % of its volume left, less than the {:.0} %", 100.0 * j, 100.0 * low)
+        } else {
+            format!("{j:.2} times its volume, more than the {high:.0} times")
+        };
+        format!(
+            "; cell {cell} has {has} that frames leave it: spread the load or the support there, or remesh it"
+        )
     }
 
     /// What to do about a load step that failed next to a singular tangent or within rounding.

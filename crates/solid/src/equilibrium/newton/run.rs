@@ -5,7 +5,7 @@ use super::listener::Listener;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::Contact;
-use crate::equilibrium::ending::{Cut, Ending, Fall, Slopes};
+use crate::equilibrium::ending::{Cut, Ending, Fall, Slopes, unsound_cell};
 use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::outcome::{Equilibrium, Seconds};
 use crate::equilibrium::predictor::Predictor;
@@ -371,6 +371,7 @@ impl<'a> Run<'a> {
             unfinished: self.unfinished,
             residual: self.residuals.last().and_then(|step| step.last()).copied().unwrap_or(0.0),
             tolerance: self.settings.tolerance,
+            unsound: unsound_cell(body, &self.u),
         };
         Equilibrium {
             energy: body.energy(&self.u),

@@ -9,8 +9,16 @@
 //! cut back to it, a body with many cells there would stand still, under whatever load or none. So the stiffness has the
 //! curvature of `J` too, made convex, which holds a cell the more against turning and shearing the closer it is to the
 //! bound, and a step must leave each cell most of its distance.
+//!
+//! A body may begin with cells beyond the bounds, as a solution leaves them that knows none. Until they come back, the
+//! barrier begins for these where they have begun.
 
 use crate::body::{Body, Outlier, SymmetricBlocks};
+
+/// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
+/// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
+/// its volume either: a step that says so has been yanked too far for its tangent.
+pub const SOUND: [f64; 2] = [0.05, 4.0];
 
 /// A volume ratio below so many times the lower bound, or above this part of the upper, is next to it.
 const NEXT_TO_LOW: f64 = 2.0;
@@ -25,12 +33,14 @@ const KEPT: f64 = 0.9;
 pub(super) struct VolumeBarrier {
     range: [f64; 2],
     points: Vec<Outlier>,
+    /// Points that have begun beyond the bounds and have not come back, by their number, with bounds of their own.
+    beyond: Vec<(usize, [f64; 2])>,
 }
 
 impl VolumeBarrier {
     /// Bounds of the volume ratio, and where the body begins.
     pub fn new(range: [f64; 2], body: &Body, u: &[f64]) -> Self {
-        let mut barrier = VolumeBarrier { range, points: Vec::new() };
+        let mut barrier = VolumeBarrier { range, points: Vec::new(), beyond: Vec::new() };
         barrier.begin(body, u);
         barrier
     }
@@ -38,16 +48,39 @@ impl VolumeBarrier {
     /// Begins anew at a displacement.
     pub fn begin(&mut self, body: &Body, u: &[f64]) {
         self.points = body.outliers(u, self.inner());
+        self.beyond = self.points.iter().filter_map(|point| self.begun_beyond(point)).collect();
     }
 
-    /// The bounds.
+    /// The bounds of a point that begins beyond those of the body; it keeps bounds of its own within which it is.
+    fn begun_beyond(&self, point: &Outlier) -> Option<(usize, [f64; 2])> {
+        let ([low, high], here) = (self.range_of(point.point), point.volume_ratio);
+        let own = [low.min(here / NEXT_TO_LOW), high.max(here / NEXT_TO_HIGH)];
+        if here <= low || here >= high {
+            Some((point.point, own))
+        } else {
+            self.own(point.point).map(|own| (point.point, own))
+        }
+    }
+
+    /// Bounds within which every point is.
     pub fn range(&self) -> [f64; 2] {
-        self.range
+        let widen = |[low, high]: [f64; 2], own: [f64; 2]| [low.min(own[0]), high.max(own[1])];
+        self.beyond.iter().map(|&(_, own)| own).fold(self.range, widen)
     }
 
     /// Volume ratios that are not next to a bound.
     pub fn inner(&self) -> [f64; 2] {
-        [NEXT_TO_LOW * self.range[0], NEXT_TO_HIGH * self.range[1]]
+        inner(self.range)
+    }
+
+    /// The bounds of a point of its own.
+    fn own(&self, point: usize) -> Option<[f64; 2]> {
+        let found = self.beyond.binary_search_by_key(&point, |&(point, _)| point);
+        found.ok().map(|k| self.beyond[k].1)
+    }
+
+    fn range_of(&self, point: usize) -> [f64; 2] {
+        self.own(point).unwrap_or(self.range)
     }
 
     /// Follows a step to a displacement within the bounds, unless a cell would come too close to a bound; returns
@@ -58,10 +91,12 @@ impl VolumeBarrier {
         let leaves_enough = now.iter().all(|now| {
             while before.next_if(|old| old.point < now.point).is_some() {}
             let old = before.next_if(|old| old.point == now.point);
-            let from = old.map_or(1.0, |old| self.distance(old.volume_ratio)[0]);
-            self.distance(now.volume_ratio)[0] >= FAR.min(KEPT * from)
+            let from = old.map_or(1.0, |old| self.distance(old)[0]);
+            self.distance(now)[0] >= FAR.min(KEPT * from)
         });
         if leaves_enough {
+            let has_come_back = |k: usize| now.binary_search_by_key(&k, |now| now.point).is_err();
+            self.beyond.retain(|&(point, _)| !has_come_back(point));
             self.points = now;
         }
         leaves_enough
@@ -70,6 +105,7 @@ impl VolumeBarrier {
     /// Forgets all points next to a bound.
     pub fn forget(&mut self) {
         self.points.clear();
+        self.beyond.clear();
     }
 
     /// Whether no point is next to a bound.
@@ -108,21 +144,28 @@ impl VolumeBarrier {
     pub fn energy(&self, body: &Body, point: &Outlier) -> [f64; 3] {
         let material = body.material();
         let [shear, bulk] = material.moduli_of_cell(point.cell);
-        let [d, slope] = self.distance(point.volume_ratio);
+        let [d, slope] = self.distance(point);
         let scale = (bulk + 4.0 / 3.0 * shear) / slope.abs() * point.volume;
         let [energy, first, second] = barrier(d);
         [scale * energy, scale * slope * first, scale * slope * slope * second]
     }
 
-    /// Distance from the bound next to it, and its derivative in `J`.
-    fn distance(&self, volume_ratio: f64) -> [f64; 2] {
-        let ([low, high], [from, to]) = (self.range, self.inner());
-        if volume_ratio < from {
+    /// Distance of a point from the bound next to it, at most 1, and the derivative of what is less in `J`.
+    fn distance(&self, point: &Outlier) -> [f64; 2] {
+        let (range, volume_ratio) = (self.range_of(point.point), point.volume_ratio);
+        let ([low, high], [from, to]) = (range, inner(range));
+        let [d, slope] = if volume_ratio < from {
             [(volume_ratio - low) / (from - low), 1.0 / (from - low)]
         } else {
             [(high - volume_ratio) / (high - to), -1.0 / (high - to)]
-        }
+        };
+        [d.min(1.0), slope]
     }
+}
+
+/// Volume ratios that are not next to these bounds.
+fn inner([low, high]: [f64; 2]) -> [f64; 2] {
+    [NEXT_TO_LOW * low, NEXT_TO_HIGH * high]
 }
 
 /// `b(d)` and its first two derivatives.

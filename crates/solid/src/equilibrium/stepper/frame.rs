@@ -33,7 +33,8 @@ pub struct Frame {
     pub is_settled: bool,
     /// Newton iterations done.
     pub steps: usize,
-    /// Number of cells whose volume ratio is next to a bound. The barrier acts on them beside the law.
+    /// Number of cells whose volume ratio is next to a bound, or was beyond it at the start. The barrier acts on them
+    /// beside the law.
     pub cells_at_bound: usize,
     /// Part of the step taken: 1, or less if a cell would have been crushed or torn.
     pub taken: f64,

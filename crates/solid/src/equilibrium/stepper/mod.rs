@@ -33,12 +33,13 @@ use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem};
 use super::system::{ConstrainedSystem, Origin, mean_rows};
 use super::tangent::Tangent;
-use crate::body::{Body, UPRIGHT};
+use crate::body::Body;
 use crate::clock::Instant;
 use crate::contact::Contact;
 use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
+pub(super) use barrier::SOUND;
 use barrier::VolumeBarrier;
 use extrapolation::Extrapolation;
 use frame::check_vector;
@@ -48,7 +49,7 @@ use regions::Regions;
 use relaxation::Relaxation;
 use std::sync::Arc;
 use std::time::Duration;
-use step::{MOST_ENERGY, SOUND};
+use step::MOST_ENERGY;
 use turn::Turning;
 
 /// Part of the budget that is planned for, since an iteration may end a little late.
@@ -165,10 +166,7 @@ impl Stepper {
                 "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
             )));
         }
-        let is_sound =
-            body.internal_force_within(&displacement, SOUND, &mut vec![0.0; n]).is_finite();
-        let barrier =
-            VolumeBarrier::new(if is_sound { SOUND } else { UPRIGHT }, body, &displacement);
+        let barrier = VolumeBarrier::new(SOUND, body, &displacement);
         let time_step = settings.time_step.unwrap_or_default();
         let motion = match &settings.dynamics {
             Some(dynamics) => {

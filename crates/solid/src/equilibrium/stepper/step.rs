@@ -17,11 +17,6 @@ use crate::number::dot;
 /// Halvings of a step before a frame stands still.
 const MAX_CUTS: usize = 14;
 
-/// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
-/// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
-/// its volume either: a step that says so has been yanked too far for its tangent.
-pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
-
 /// Strain energy that a step may end with, over the modulus of the body times its volume, for laws that stiffen
 /// exponentially: they reach any number at a stretch of two or three, where a tangent drowns all others in rounding.
 pub(super) const MOST_ENERGY: f64 = 10.0;

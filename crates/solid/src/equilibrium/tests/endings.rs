@@ -15,6 +15,7 @@ fn stopped(cut: Cut) -> Ending {
         unfinished: 0,
         residual: 0.0,
         tolerance: 1e-9,
+        unsound: None,
     }
 }
 
@@ -128,4 +129,43 @@ fn a_residual_that_rounding_leaves_above_the_tolerance_is_told() {
 fn a_singular_tangent_is_told_at_its_point() {
     let said = Cut::Factor(FactorError::NotPositiveDefinite { row: 25 }).sentence();
     assert!(said.contains("at point 8"), "{said}");
+}
+
+/// A slab that is pressed or drawn between plates, with no way aside: a volume beyond the bounds of frames is told with its
+/// cell, one within them is not.
+#[test]
+fn a_cell_that_no_frame_would_leave_so_is_told() {
+    let (points, cells) = block([3, 1, 1], SIZE);
+    let law = Material::new("neo_hookean", vec![vec![MU, LAM]]).unwrap();
+    let body = Body::new(points, cells, law).unwrap();
+    let ended = |ratio: f64| {
+        let mut load = pulled(&body, [(ratio - 1.0) * SIZE[0], 0.0, 0.0]);
+        for node in 0..body.points().len() as u32 {
+            for dof in [3 * node + 1, 3 * node + 2] {
+                if load.prescribed.iter().all(|&(held, _)| held != dof) {
+                    load.prescribed.push((dof, 0.0));
+                }
+            }
+        }
+        let state = solve(&load);
+        assert_eq!(state.status, Status::Converged);
+        state.message
+    };
+    for (ratio, part) in [
+        (
+            0.02,
+            "has 2.00 % of its volume left, less than the 5 % that frames leave it: spread the load",
+        ),
+        (
+            4.5,
+            "has 4.50 times its volume, more than the 4 times that frames leave it: spread the load",
+        ),
+    ] {
+        let said = ended(ratio);
+        assert!(said.contains("iterations; cell ") && said.contains(part), "{said}");
+    }
+    for ratio in [0.06, 3.9] {
+        let said = ended(ratio);
+        assert!(said.ends_with("iterations"), "{said}");
+    }
 }

@@ -215,3 +215,81 @@ fn the_barrier_pushes_with_the_derivative_of_its_energy() {
         assert!(dot(&product) < 3.0 * curvature.abs(), "{element:?} {curvature}");
     }
 }
+
+/// A bar with a node so far from its place that it presses cells to a fiftieth of their volume, as a solution may leave
+/// them; and which cells.
+fn crushed() -> (Body, Vec<f64>, Vec<bool>) {
+    let body = body("corotated", &lame(1e4, 0.45), [4, 2, 2], SIZE);
+    let mut start = vec![0.0; body.n_dofs()];
+    start[3 * nodes(&body, |x| *x == [0.2, 0.1, 0.1])[0] as usize] = 0.098;
+    let crushed: Vec<bool> = body.volume_ratios(&start).iter().map(|&j| j < 0.05).collect();
+    assert!(crushed.contains(&true));
+    (body, start, crushed)
+}
+
+/// The barrier begins for them where they have begun, and ends at half of that.
+#[test]
+fn cells_that_begin_crushed_have_a_bound_of_their_own() {
+    let (body, start, crushed) = crushed();
+    let n_crushed = crushed.iter().filter(|&&is| is).count();
+    let mut barrier = VolumeBarrier::new(SOUND, &body, &start);
+    let force_of = |barrier: &VolumeBarrier| {
+        let mut force = vec![0.0; body.n_dofs()];
+        barrier.add_force(&body, &mut force);
+        force.iter().fold(0.0f64, |most, f| most.max(f.abs()))
+    };
+    assert!(barrier.n_cells() == n_crushed && force_of(&barrier) == 0.0);
+    assert!((barrier.range()[0] - 0.01).abs() < 1e-12);
+    let at = |ratio: f64| start.iter().map(|u| u / 0.098 * 0.1 * (1.0 - ratio)).collect::<Vec<_>>();
+    assert!(!barrier.follow(&body, &at(0.014)));
+    assert!(barrier.follow(&body, &at(0.016)) && force_of(&barrier) > 0.0);
+    assert!(barrier.follow(&body, &at(0.06)));
+    assert!(barrier.n_cells() == n_crushed && force_of(&barrier) == 0.0);
+    // Once they have come back they have the bounds of all.
+    assert!(barrier.follow(&body, &at(0.11)));
+    assert!(barrier.is_idle() && barrier.range() == SOUND && !barrier.follow(&body, &at(0.04)));
+    // A frame that is given up begins anew.
+    barrier.begin(&body, &start);
+    assert!(barrier.n_cells() == n_crushed && force_of(&barrier) == 0.0);
+}
+
+/// Frames in which they are held so: they are at a bound in each of them, and an overload finds all others within the
+/// bounds of all. Let go, they come back.
+#[test]
+fn cells_that_begin_crushed_are_at_a_bound_until_they_come_back() {
+    let (body, start, crushed) = crushed();
+    let mut held: Vec<u32> = body
+        .cells()
+        .iter()
+        .zip(&crushed)
+        .filter(|(_, is)| **is)
+        .flat_map(|(cell, _)| *cell)
+        .collect();
+    held.sort_unstable();
+    held.dedup();
+    let held = dofs(&held);
+    let values: Vec<f64> = held.iter().map(|&dof| start[dof as usize]).collect();
+    let settings = StepperSettings { iterations: 3, ..Default::default() };
+    let mut stepper = Stepper::new(&body, &root(&body), Some(start), settings).unwrap();
+    stepper.grasp(&body, &held, &[]).unwrap();
+    let mut force = vec![0.0; body.n_dofs()];
+    let end = nodes(&body, |x| x[0] == SIZE[0]);
+    end.iter().for_each(|&node| force[3 * node as usize + 2] = -LOAD / end.len() as f64);
+    let mut least = f64::INFINITY;
+    for k in 0..40 {
+        let force: &[f64] = if k < 20 { &[] } else { &force };
+        let frame = stepper.frame(&body, &Input { values: &values, force, ..STILL }).unwrap();
+        assert!(frame.cells_at_bound > 0 && !frame.is_settled, "frame {k}: {frame:?}");
+        assert!(k != 19 || frame.residual < 1e-6, "{frame:?}");
+        let ratios = body.volume_ratios(stepper.displacement());
+        let others = ratios.iter().zip(&crushed).filter(|(_, is)| !**is).map(|(&ratio, _)| ratio);
+        least = others.fold(least, f64::min);
+        assert!(least > 0.05, "frame {k}: {least}");
+    }
+    assert!(least < 0.1, "{least}: the load finds no bound");
+
+    stepper.grasp(&body, &[], &[]).unwrap();
+    let last = (0..200).map(|_| stepper.frame(&body, &STILL).unwrap()).last().unwrap();
+    assert!(last.is_settled && last.cells_at_bound == 0, "{last:?}");
+    assert!(stepper.displacement().iter().all(|u| u.abs() < 1e-3));
+}
