@@ -42,6 +42,19 @@ def test_a_column_pushed_by_a_tool_buckles_where_euler_says(column: vs.Organ, so
     assert pushed[1.1].status == "converged past an instability", pushed[1.1].message
 
 
+@pytest.mark.parametrize("solver", ["auto", "cholesky", "cg", "multigrid"])
+def test_a_cube_that_next_to_nothing_holds_is_stable_under_pressure_and_on_a_table(block: Block, solver: Solver) -> None:
+    # Uniform pressure turns with the body, so what little holds it decides; a residual of a thousandth outweighs that.
+    points, cells = block((2, 2, 2), (0.1, 0.1, 0.1))
+    mesh, little = vs.mesh(points, cells), vs.ElasticSupport("x > -1%", stiffness=0.1)
+    cube = vs.Organ(mesh, vs.NeoHookean(young=1e4, poisson=0.3), supports=[little])
+    pressed = cube.solve(pressure={"x > -1%": 1e3}, solver=solver)
+    assert pressed.status == "converged", pressed.message
+    table = vs.Tool(vs.HalfSpace(), position=(0, 0, -1e-3))
+    lying = cube.solve(gravity=(0, 0, -9.81), density=1000, contact=[table], solver=solver)
+    assert lying.status == "converged", lying.message
+
+
 @pytest.mark.parametrize("solver", ["cholesky", "cg", "multigrid"])
 def test_frames_with_a_tool_are_stable_as_long_as_the_column_is(column: vs.Organ, solver: Solver) -> None:
     head = column.patch((THICK / 2, THICK / 2, LONG), 0.8 * THICK)

@@ -15,6 +15,10 @@ use crate::number::norm;
 const NEAR: f64 = 0.02;
 const AT: f64 = 1e-6;
 
+/// Way from there to the equilibrium found, relative to the displacement, up to which that is the one it was next to: what
+/// is out of balance may turn the tangent of a body that next to nothing holds indefinite beside a stable equilibrium.
+const SAME: f64 = 0.1;
+
 /// Load steps above this part of the load are cut where something rubs that was out of reach at their start.
 const FINE: f64 = 1.0 / 64.0;
 
@@ -51,9 +55,10 @@ struct LoadStep<'r, 'a> {
     steps: usize,
     /// Norm of the last increment, over that of the displacement after it.
     moved: f64,
-    /// Degree of freedom of a pivot that was not positive, in the last tangent and in one that the path passed.
+    /// Degree of freedom of a pivot that was not positive in the last tangent.
     unstable: Option<usize>,
-    passed: Option<usize>,
+    /// The same in the first one next to an equilibrium, and the displacement there.
+    passed: Option<(usize, Vec<f64>)>,
     /// It began with a linear step, not with a series.
     is_linear: bool,
     /// Whether prescribed displacements are still to be moved to their values, regardless of the energy.
@@ -78,9 +83,9 @@ impl<'a> Run<'a> {
         if step.run.contact.was_out_of_reach() && step.run.tried > FINE {
             return Err(Cut::OutOfReach);
         }
-        let unstable = step.verdict()?;
-        let LoadStep { load, u, multipliers, history, steps, passed, .. } = step;
-        if let Some(row) = unstable.or(passed) {
+        let unstable = step.verdict()?.or(step.left());
+        let LoadStep { load, u, multipliers, history, steps, .. } = step;
+        if let Some(row) = unstable {
             self.unstable = Some((load, row));
         }
         let body = self.body();
@@ -174,14 +179,35 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         Ok(true)
     }
 
-    /// Degree of freedom in which the equilibrium found is not stable. The last tangent says so, unless the last increment
-    /// led far from it: then the one at the equilibrium does, which nothing else has needed.
-    fn verdict(&mut self) -> Result<Option<usize>, Cut> {
-        let is_known = self.moved <= NEXT_TO || self.run.is_linear();
-        if self.run.budget.is_some() {
-            return self.probe(is_known);
+    /// Notes a tangent that is not positive definite next to an equilibrium.
+    fn note_instability(&mut self) {
+        let LoadStep { passed, unstable, u, .. } = self;
+        if let (None, Some(row)) = (&passed, *unstable) {
+            *passed = Some((row, u.clone()));
         }
-        if is_known { Ok(self.unstable) } else { self.run.find_instability() }
+    }
+
+    /// Degree of freedom in which an equilibrium was not stable that Newton's method came by and left.
+    fn left(&self) -> Option<usize> {
+        let (row, passed) = self.passed.as_ref()?;
+        let way: Vec<f64> = self.u.iter().zip(passed).map(|(u, p)| u - p).collect();
+        (norm(&way) > SAME * norm(&self.u)).then_some(*row)
+    }
+
+    /// Degree of freedom in which the equilibrium found is not stable. The last tangent says that it is stable, unless the last
+    /// increment led far from it: then the one at the equilibrium does, which nothing else has needed.
+    fn verdict(&mut self) -> Result<Option<usize>, Cut> {
+        if self.run.is_linear() {
+            return Ok(self.unstable);
+        }
+        let is_near = self.moved <= NEXT_TO;
+        if self.run.budget.is_some() {
+            return self.probe(is_near);
+        }
+        if is_near && self.unstable.is_none() && !self.run.has_overlooked() {
+            return Ok(None);
+        }
+        self.run.find_instability()
     }
 
     /// The same where conjugate gradients were chosen automatically: what they may have overlooked is for a factor.
@@ -251,7 +277,7 @@ impl Iteration for LoadStep<'_, '_> {
         }
         self.unstable = unstable.or(indefinite);
         if !is_first && self.norm <= if self.is_linear { NEAR } else { AT } {
-            self.passed = self.passed.or(self.unstable);
+            self.note_instability();
         }
         self.run.seconds.solve += clock.elapsed().as_secs_f64();
         let length = if is_leading {

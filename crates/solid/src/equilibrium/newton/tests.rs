@@ -1,7 +1,7 @@
 //! What happens where conjugate gradients were chosen automatically and a factor has to take over.
 
 use super::*;
-use crate::body::{Body, ProgrammedCells, ProgrammedSeries};
+use crate::body::{Body, Curvature, ProgrammedCells, ProgrammedSeries};
 use crate::equilibrium::system::NegativeCurvature;
 use crate::equilibrium::{
     ConjugateGradients, Device, DeviceEnd, DeviceSeries, DeviceSolution, DeviceSystem,
@@ -83,9 +83,31 @@ fn the_verdict_on_a_column_is_that_of_a_factor() {
         let exact = solved(Choice::of(Method::Cholesky, &body, false), &problem);
         assert_eq!(exact.status, status, "{part}: {}", exact.message);
         for preconditioner in [Preconditioner::IncompleteCholesky, Preconditioner::Multigrid] {
-            let found = solved(iterative(preconditioner, 5_000), &problem);
-            assert_eq!(found.status, status, "{part} {preconditioner:?}: {}", found.message);
+            let automatic = iterative(preconditioner, 5_000);
+            for choice in [automatic, Choice { budget: None, ..automatic }] {
+                let found = solved(choice, &problem);
+                assert_eq!(found.status, status, "{part} {choice:?}: {}", found.message);
+            }
         }
+    }
+}
+
+/// Conjugate gradients that were asked for have no factor to turn to: they probe the last tangent themselves.
+#[test]
+fn a_motion_that_the_solution_did_not_excite_is_probed() {
+    let body = column();
+    for (part, is_overlooked) in [(0.002, false), (0.007, true)] {
+        let problem = pushed(&body, part);
+        let choice =
+            Choice { budget: None, ..iterative(Preconditioner::IncompleteCholesky, 5_000) };
+        let (contact, progress) = (&mut Contact::new(&body), &mut |_| true);
+        let mut run = Run::new(Newton::default(), choice, &problem, contact, progress).unwrap();
+        let straight: Vec<f64> =
+            body.points().iter().flat_map(|x| [0.0, 0.0, -part * x[2]]).collect();
+        let force = &mut vec![0.0; body.n_dofs()];
+        run.tangent.linearize(&body, &straight, Curvature::Exact, force);
+        run.solver.prepare(&run.tangent, 0.0).unwrap();
+        assert_eq!(run.has_overlooked(), is_overlooked, "{part}");
     }
 }
 
