@@ -200,7 +200,7 @@ def test_a_budget_is_kept_and_its_price_told(organ: vs.Organ) -> None:
     assert few.iterations == 5
     assert not few.is_solved
     assert few.residual > 1e-3
-    late = organ.stepper(solver="cg", budget=1e-9).frame({"tip": (0, 0, -0.01)})
+    late = organ.stepper(solver="multigrid", budget=1e-9).frame({"tip": (0, 0, -0.01)})
     assert not late.within_budget
     assert not late.is_solved
     assert late.seconds > 1e-9
@@ -209,14 +209,21 @@ def test_a_budget_is_kept_and_its_price_told(organ: vs.Organ) -> None:
     assert easy.is_solved
 
 
-def test_where_assembly_takes_the_whole_budget_nothing_moves_and_the_frame_says_so(organ: vs.Organ) -> None:
+def test_where_assembly_takes_the_whole_budget_the_organ_moves_nevertheless_and_the_frame_says_so(
+    organ: vs.Organ,
+) -> None:
+    # As on a machine that is too slow: an iteration a frame, late each time, and at rest where a patient frame is.
+    pull = {"tip": (0, 0, -1.0)}
     stepper = organ.stepper(solver="cg", iterations=20, budget=1e-9)
-    for _ in range(3):
-        frame = stepper.frame(force={"tip": (0, 0, -1.0)})
-        assert (frame.iterations, frame.is_solved, frame.within_budget) == (0, False, False)
-        assert not frame.displacement.any()
-    enough = organ.stepper(solver="cg", iterations=20, budget=100.0).frame(force={"tip": (0, 0, -1.0)})
+    frame = stepper.frame(force=pull)
+    assert (frame.iterations, frame.within_budget) == (1, False)
+    for _ in range(9):
+        frame = stepper.frame(force=pull)
+        assert not frame.within_budget
+    enough = organ.stepper(solver="cg", iterations=20, budget=100.0).frame(force=pull)
     assert enough.is_settled
+    assert frame.is_settled
+    assert frame.displacement == pytest.approx(enough.displacement, abs=1e-3 * np.abs(enough.displacement).max())
 
 
 def test_a_frame_says_whether_its_forces_can_be_relied_on(organ: vs.Organ) -> None:

@@ -132,41 +132,113 @@ pub fn solve(
     settings: &Settings,
     workspace: &mut Workspace,
 ) -> Result<Info, Error> {
-    check_settings(settings)?;
-    let n = operator.n();
-    Error::expect_length("x", n, x.len())?;
-    Error::expect_length("b", n, b.len())?;
-    Error::expect_length("preconditioner", n, preconditioner.n())?;
-    Error::expect_length("workspace", n, workspace.residual.len())?;
-    if x.iter().chain(b).any(|value| !value.is_finite()) {
-        return Err(Error::NotFinite { iterations: 0 });
-    }
-    let scale = norm(b);
-    if scale == 0.0 {
-        x.fill(0.0);
-        return Ok(Info::default());
-    }
-    let mut info = Info::default();
-    loop {
-        let mut residual = workspace.restart(operator, b, x);
-        let mut energy = f64::INFINITY;
-        info.relative_residual = residual / scale;
-        if !info.relative_residual.is_finite() {
-            return Err(Error::NotFinite { iterations: info.iterations });
+    let mut solve = Solve::begin(x, operator, preconditioner, b, settings, workspace)?;
+    solve.iterate(x, operator, preconditioner, b, workspace, None)?;
+    Ok(solve.info)
+}
+
+/// A solve in progress: it may pause between iterations and go on with the same vectors, to the same result.
+#[derive(Clone, Copy, Debug)]
+pub struct Solve {
+    settings: Settings,
+    info: Info,
+    /// Norms of the right-hand side and of the residual, and `rᵀ M⁻¹ r` of the last iteration.
+    scale: f64,
+    residual: f64,
+    energy: f64,
+    /// Whether the residual is to be computed from the solution.
+    sets_out: bool,
+}
+
+impl Solve {
+    /// A solve of `A x = b` from the guess in `x`, without an iteration yet.
+    ///
+    /// # Errors
+    /// A tolerance that is not positive, lengths that differ, values that are not finite.
+    pub fn begin(
+        x: &mut [f64],
+        operator: &(impl Operator + ?Sized),
+        preconditioner: &(impl Preconditioner + ?Sized),
+        b: &[f64],
+        settings: &Settings,
+        workspace: &Workspace,
+    ) -> Result<Self, Error> {
+        check_settings(settings)?;
+        let n = operator.n();
+        Error::expect_length("x", n, x.len())?;
+        Error::expect_length("b", n, b.len())?;
+        Error::expect_length("preconditioner", n, preconditioner.n())?;
+        Error::expect_length("workspace", n, workspace.residual.len())?;
+        if x.iter().chain(b).any(|value| !value.is_finite()) {
+            return Err(Error::NotFinite { iterations: 0 });
         }
-        if info.relative_residual <= settings.relative_tolerance {
-            return Ok(info);
+        let scale = norm(b);
+        if scale == 0.0 {
+            x.fill(0.0);
         }
-        // The recurrence drifts from the true residual by rounding only, so that more than one round is rare.
-        while residual > settings.relative_tolerance * scale {
-            let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            if info.iterations == settings.max_iterations || is_late {
-                return Err(Error::BudgetSpent(info));
+        let info = Info::default();
+        let energy = f64::INFINITY;
+        Ok(Solve { settings: *settings, info, scale, residual: 0.0, energy, sets_out: true })
+    }
+
+    /// How it goes so far.
+    pub fn info(&self) -> Info {
+        self.info
+    }
+
+    /// Goes on until it ends, or until the first iteration that ends after `pause`; returns whether it has ended. The deadline
+    /// leaves at least one iteration, so that there is always a step.
+    ///
+    /// # Errors
+    /// Those of [`solve`].
+    pub fn iterate(
+        &mut self,
+        x: &mut [f64],
+        operator: &(impl Operator + ?Sized),
+        preconditioner: &mut (impl Preconditioner + ?Sized),
+        b: &[f64],
+        workspace: &mut Workspace,
+        pause: Option<Instant>,
+    ) -> Result<bool, Error> {
+        let is_past = |time: Option<Instant>| time.is_some_and(|time| Instant::now() >= time);
+        let Settings { relative_tolerance, max_iterations, deadline } = self.settings;
+        loop {
+            if self.scale == 0.0 || self.sets_out && self.set_out(x, operator, b, workspace)? {
+                return Ok(true);
             }
-            residual = step(x, operator, preconditioner, &mut energy, info.iterations, workspace)?;
-            info.iterations += 1;
-            info.relative_residual = residual / scale;
+            // The recurrence drifts from the true residual by rounding only, so that more than one round is rare.
+            while self.residual > relative_tolerance * self.scale {
+                let Info { iterations, .. } = self.info;
+                if iterations == max_iterations || iterations > 0 && is_past(deadline) {
+                    return Err(Error::BudgetSpent(self.info));
+                }
+                let energy = &mut self.energy;
+                self.residual = step(x, operator, preconditioner, energy, iterations, workspace)?;
+                self.info.iterations += 1;
+                self.info.relative_residual = self.residual / self.scale;
+                if is_past(pause) {
+                    return Ok(false);
+                }
+            }
+            self.sets_out = true;
         }
+    }
+
+    /// Computes the residual from the solution; returns whether that is solved.
+    fn set_out(
+        &mut self,
+        x: &[f64],
+        operator: &(impl Operator + ?Sized),
+        b: &[f64],
+        workspace: &mut Workspace,
+    ) -> Result<bool, Error> {
+        self.residual = workspace.restart(operator, b, x);
+        (self.energy, self.sets_out) = (f64::INFINITY, false);
+        self.info.relative_residual = self.residual / self.scale;
+        if !self.info.relative_residual.is_finite() {
+            return Err(Error::NotFinite { iterations: self.info.iterations });
+        }
+        Ok(self.info.relative_residual <= self.settings.relative_tolerance)
     }
 }
 

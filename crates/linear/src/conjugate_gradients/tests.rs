@@ -154,7 +154,7 @@ fn a_spent_budget_keeps_the_last_iterate() {
 }
 
 #[test]
-fn a_deadline_that_has_passed_stops_at_once() {
+fn a_deadline_that_has_passed_leaves_one_iteration() {
     let matrix = elastic_block(4, 3, 3);
     let b = load(matrix.pattern.n, 0);
     let settings = Settings { deadline: Some(crate::clock::Instant::now()), ..Settings::default() };
@@ -162,8 +162,31 @@ fn a_deadline_that_has_passed_stops_at_once() {
     let workspace = &mut Workspace::new(b.len());
     let preconditioner = &mut block_jacobi(&matrix);
     let stopped = solve(&mut x, &operator(&matrix), preconditioner, &b, &settings, workspace);
-    let info = Info { iterations: 0, relative_residual: 1.0 };
-    assert_eq!(stopped, Err(Error::BudgetSpent(info)));
+    let Err(Error::BudgetSpent(info)) = stopped else { panic!("{stopped:?}") };
+    assert_eq!(info.iterations, 1);
+    // The first step lowers the energy, 0 at the start.
+    let mut product = vec![0.0; b.len()];
+    operator(&matrix).apply(&x, &mut product);
+    assert!(0.5 * dot(&x, &product) < dot(&x, &b));
+}
+
+#[test]
+fn a_solve_that_pauses_after_every_iteration_comes_to_the_same() {
+    let matrix = uneven_block();
+    let b = load(matrix.pattern.n, 0);
+    let (x, info) = solved(&matrix, &mut block_jacobi(&matrix), 1e-12);
+    let (operator, preconditioner) = (operator(&matrix), &mut block_jacobi(&matrix));
+    let settings = Settings { relative_tolerance: 1e-12, ..Settings::default() };
+    let (workspace, now) = (&mut Workspace::new(b.len()), Some(crate::clock::Instant::now()));
+    let mut paused = vec![0.0; b.len()];
+    let mut solve =
+        Solve::begin(&mut paused, &operator, preconditioner, &b, &settings, workspace).unwrap();
+    let mut pauses = 0;
+    while !solve.iterate(&mut paused, &operator, preconditioner, &b, workspace, now).unwrap() {
+        pauses += 1;
+    }
+    assert_eq!((pauses, solve.info()), (info.iterations, info));
+    assert_eq!(paused, x);
 }
 
 #[test]

@@ -134,7 +134,7 @@ pub struct DeviceEnd<'a> {
 pub struct Until<'a> {
     /// At this time.
     pub deadline: Option<Instant>,
-    /// Once this says no. A device asks between batches of iterations.
+    /// Once this says no. A device asks between batches of iterations, a processor ten times a second.
     pub is_wanted: &'a dyn Fn() -> bool,
 }
 

@@ -3,12 +3,16 @@
 use super::{Border, Inverse, Iterative, Operand, Remote, Solved, Until};
 use crate::clock::Instant;
 use crate::linear::FactorError;
-use crate::linear::conjugate_gradients::{self as cg, Error, Operator, Settings};
+use crate::linear::conjugate_gradients::{self as cg, Error, Operator, Settings, Solve};
 use crate::number::norm;
 use crate::threads::among_threads;
+use std::time::Duration;
 
 /// Part of a further force that the answer may leave. With a lagged factor that mostly takes one iteration.
 const UNANSWERED: f64 = 0.4;
+
+/// Time after which iterations pause, so that who wants the solution is asked.
+const UNASKED: Duration = Duration::from_millis(100);
 
 impl Iterative {
     /// The correction that balances the residual without moving the patches.
@@ -35,7 +39,7 @@ impl Iterative {
         if is_remote && self.correction.iter().all(|&x| x == 0.0) {
             self.set_out(border, tolerance);
         }
-        self.conjugate(border, tolerance, until.deadline)
+        self.conjugate(border, tolerance, until)
     }
 
     /// The step that a further force asks for, from zero; what is kept of the last steps stays as it is. None on a device
@@ -54,7 +58,7 @@ impl Iterative {
         self.residual.copy_from_slice(b);
         border.project(&mut self.residual);
         self.correction.fill(0.0);
-        let solved = self.conjugate(border, UNANSWERED, deadline)?;
+        let solved = self.conjugate(border, UNANSWERED, Until::time(deadline))?;
         if solved.indefinite.is_none() {
             step.copy_from_slice(&self.correction);
         }
@@ -66,25 +70,38 @@ impl Iterative {
         &mut self,
         border: &Border,
         tolerance: f64,
-        deadline: Option<Instant>,
+        until: Until<'_>,
     ) -> Result<Solved, FactorError> {
         let settings = Settings {
             relative_tolerance: tolerance,
             max_iterations: self.settings.max_iterations,
-            deadline,
+            deadline: until.deadline,
         };
         let n = self.residual.len();
         let Iterative { operand, inverse, correction, residual, workspace, .. } = self;
-        let mut solve = || {
-            let operator = Projected { operand, border };
-            let mut inverse = Closed { inverse, n, border, forces: Vec::new() };
-            cg::solve(correction, &operator, &mut inverse, residual, &settings, workspace)
-        };
-        // A frame stays on its own thread: one of those that share loops might meanwhile take up all of another solution.
-        let outcome = match self.forcing {
-            Some(_) => solve(),
-            None => among_threads(operand.n_shared(), solve),
-        };
+        let (n_shared, operator) = (operand.n_shared(), Projected { operand, border });
+        let mut inverse = Closed { inverse, n, border, forces: Vec::new() };
+        let begun = Solve::begin(correction, &operator, &inverse, residual, &settings, workspace);
+        let outcome = begun.and_then(|mut solve| {
+            loop {
+                let pause = Some(Instant::now() + UNASKED);
+                let mut go_on = || {
+                    solve.iterate(correction, &operator, &mut inverse, residual, workspace, pause)
+                };
+                // A frame stays on its own thread: one of those that share loops might meanwhile take up all of another
+                // solution.
+                let has_ended = match self.forcing {
+                    Some(_) => go_on()?,
+                    None => among_threads(n_shared, go_on)?,
+                };
+                if has_ended {
+                    return Ok(solve.info());
+                }
+                if !(until.is_wanted)() {
+                    return Err(Error::BudgetSpent(solve.info()));
+                }
+            }
+        });
         let solved = self.judge(outcome);
         if solved.is_ok() && self.correction.iter().all(|x| x.is_finite()) {
             return solved;
