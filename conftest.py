@@ -1,6 +1,11 @@
-"""Examples in docstrings run in a folder of their own, where they may write."""
+"""Examples in docstrings run in a folder of their own, where they may write; each process has one thread of BLAS."""
+
+import os
 
 import pytest
+
+# Tests run side by side; threads of BLAS would wait for each other's cores. NumPy reads it once.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import viscera  # noqa: F401  before pytest imports a module of it, which would take the place of `viscera.mesh()`
 
