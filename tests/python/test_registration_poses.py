@@ -9,7 +9,7 @@ import pytest
 
 import viscera as vs
 from viscera.registration import observed
-from viscera.registration.normals import agreement, normals_of
+from viscera.registration.normals import MOST, agreement, normals_of
 from viscera.registration.rigid import QUARTERS, Rigid, Shape, turned
 
 Floats = np.ndarray
@@ -87,6 +87,14 @@ def test_a_cloud_has_normals_where_a_plane_fits_it() -> None:
     assert (np.abs(normals_of(plane)[:, 2]) > 0.98).all()
     assert not normals_of(rng.normal(size=(60, 3)))[:20].all(axis=1).all(), "a blob has none in most places"
     assert not normals_of(plane[:5]).any(), "nor have a few points"
+
+
+def test_a_large_cloud_has_the_normals_of_points_drawn_from_it() -> None:
+    sphere = np.random.default_rng(5).normal(size=(MOST + 1500, 3))
+    sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
+    normals = normals_of(sphere + 7.0)
+    assert len(normals) == len(sphere)
+    assert (np.abs(np.einsum("ki,ki->k", normals, sphere)) > 0.95).all()
 
 
 def test_points_count_where_their_face_faces_as_the_cloud_does() -> None:

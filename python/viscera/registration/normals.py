@@ -13,6 +13,8 @@ from viscera.mesh import Floats
 
 NEIGHBOURS = 12
 """Points, itself included, through which a plane is laid."""
+MOST, BATCH = 2000, 256
+"""Points with a normal of their own, at most, and points compared with them at once."""
 FLAT = 0.25
 """Variance of them across the plane over the smaller one along it, at most; otherwise the cloud has no normal there."""
 NONE, FULL = 0.3, 0.6
@@ -21,7 +23,21 @@ rim the plane through the points of both faces is turned by some 45 degrees agai
 
 
 def normals_of(points: Floats) -> Floats:
-    """Normals (k, 3) of the cloud (k, 3) at its points, either way round; zero where no plane fits its neighbours."""
+    """Normals (k, 3) of the cloud (k, 3) at its points, either way round; zero where no plane fits its neighbours.
+
+    Of a cloud of more than `MOST` points so many, drawn at random, have a normal of their own; each of the others has
+    that of the nearest of these.
+    """
+    if len(points) <= MOST:
+        return _own_normals(points)
+    points = points - points.mean(axis=0)
+    drawn = points[np.random.default_rng(0).permutation(len(points))[:MOST]]
+    normals, squares = _own_normals(drawn), np.square(drawn).sum(axis=1)
+    batches = np.split(points, range(BATCH, len(points), BATCH))
+    return normals[np.concatenate([(squares - 2.0 * batch @ drawn.T).argmin(axis=1) for batch in batches])]
+
+
+def _own_normals(points: Floats) -> Floats:
     normals = np.zeros_like(points)
     if len(points) < NEIGHBOURS:
         return normals
