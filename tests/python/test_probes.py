@@ -96,6 +96,19 @@ def test_two_probes_cost_trust(beam: vs.Touch) -> None:
     assert both.error_estimate > alone.error_estimate
 
 
+def test_two_rigid_spheres_in_one_place_are_not_trusted(layer: vs.Touch) -> None:
+    """One of them may seem free, though both are as deep."""
+    hands = vs.Probes([layer.probe(), layer.probe()])
+    for apart, is_trusted in ((2.2, True), (0.9, False), (0.1, False)):
+        places = [(0.75 + side * apart * layer.radius, 0.1, 0.2 + layer.radius) for side in (-0.5, 0.5)]
+        hands.place(places)
+        felt = hands.move([(0, 0, -4e-4)] * 2)
+        felt = hands.move([(0, 0, 0)] * 2)
+        assert [one.is_trusted for one in felt] == [is_trusted] * 2, (apart, felt)
+        for probe in hands.probes:
+            probe.lift()
+
+
 def test_what_is_no_group_of_probes_is_refused(beam: vs.Touch) -> None:
     probe = beam.probe()
     other = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp").reduce(

@@ -290,7 +290,7 @@ def test_a_frame_of_tissue_that_relaxes_is_written_without_its_stress(bar: vs.Me
     for ending in ("stl", "obj", "ply", "vtu"):
         frame.write(tmp_path / f"r.{ending}")
     volume = meshio.read(tmp_path / "r.vtu")
-    assert volume.point_data.keys() == {"displacement", "reaction"}
+    assert volume.point_data.keys() == {"displacement", "reaction", "set:root", "set:tip"}
     assert volume.cell_data.keys() == {"green_strain", "energy_density"}
     vs.write_series(tmp_path / "s.pvd", [(0.0, frame), (1.0, organ.moved(frame))])
     for moment in ("s_0000.vtu", "s_0001.vtu"):

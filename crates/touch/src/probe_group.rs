@@ -24,6 +24,10 @@ const STILL: f64 = 1e-3;
 /// Part of what a sweep has left that the next one leaves, at most.
 const SLOWEST: f64 = 0.9;
 
+/// Part of the sum of the radii of two spheres, nearer than which their centres are not: no two rigid bodies are in one place,
+/// and how they would share what the organ gives is left open.
+const APART: f64 = 0.5;
+
 /// Memory of several probes on one model: what each felt last.
 #[derive(Clone, Debug)]
 pub struct ProbeGroup {
@@ -107,8 +111,9 @@ impl ProbeGroup {
     }
 
     /// What the sweeps have left open is part of the estimates: each leaves a part of what the one before it has left, and so
-    /// would all that follow. It counts for every probe, since what one has still to move moves the others, too. Where a probe is too deep for the model its field is not known, nor then is what the others
-    /// feel of it.
+    /// would all that follow. It counts for every probe, since what one has still to move moves the others, too. Where a probe
+    /// is too deep for the model its field is not known, nor then is what the others feel of it. Nor is what probes feel that
+    /// are in one place, one of which may seem free.
     fn doubt(&mut self, model: &ReducedModel, probes: &[impl DerefMut<Target = Probe>]) {
         let mut open: f64 = 0.0;
         for k in 0..probes.len() {
@@ -120,6 +125,10 @@ impl ProbeGroup {
         let too_deep = self.felt.iter().filter(|felt| is_too_deep(felt)).count();
         for (k, probe) in probes.iter().enumerate() {
             let felt = self.felt[k];
+            if self.shares_its_place(k, probes) {
+                self.felt[k] = probe.doubt(felt, 1.0);
+                continue;
+            }
             let is_carried = norm(self.carried[k]) > STILL * probe.radius();
             if !presses(&felt) || !is_carried {
                 continue;
@@ -127,6 +136,18 @@ impl ProbeGroup {
             let knows_others = too_deep == usize::from(is_too_deep(&felt));
             self.felt[k] = probe.doubt(felt, if knows_others { open / -felt.gap } else { 1.0 });
         }
+    }
+
+    /// Whether another probe is in the place of a probe, and one of them presses.
+    fn shares_its_place(&self, k: usize, probes: &[impl DerefMut<Target = Probe>]) -> bool {
+        let here = &self.felt[k];
+        let shares = |(j, there): (usize, &Felt)| {
+            let least = APART * (probes[k].radius() + probes[j].radius());
+            j != k
+                && (presses(here) || presses(there))
+                && norm(sub(here.center, there.center)) < least
+        };
+        self.felt.iter().enumerate().any(shares)
     }
 
     /// Whether each probe has met the surface about where the others leave it.
