@@ -34,7 +34,8 @@ def normals_of(points: Floats) -> Floats:
     drawn = points[np.random.default_rng(0).permutation(len(points))[:MOST]]
     normals, squares = _own_normals(drawn), np.square(drawn).sum(axis=1)
     batches = np.split(points, range(BATCH, len(points), BATCH))
-    return normals[np.concatenate([(squares - 2.0 * batch @ drawn.T).argmin(axis=1) for batch in batches])]
+    nearest = [(squares - 2.0 * batch @ drawn.T).argmin(axis=1) for batch in batches]
+    return np.asarray(normals[np.concatenate(nearest)])
 
 
 def _own_normals(points: Floats) -> Floats:
