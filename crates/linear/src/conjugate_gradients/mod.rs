@@ -146,8 +146,8 @@ pub struct Solve {
     scale: f64,
     residual: f64,
     energy: f64,
-    /// Whether the residual is to be computed from the solution.
-    sets_out: bool,
+    /// Whether the residual is to be computed from the solution, and the directions begin anew.
+    restarts: bool,
 }
 
 impl Solve {
@@ -178,7 +178,7 @@ impl Solve {
         }
         let info = Info::default();
         let energy = f64::INFINITY;
-        Ok(Solve { settings: *settings, info, scale, residual: 0.0, energy, sets_out: true })
+        Ok(Solve { settings: *settings, info, scale, residual: 0.0, energy, restarts: true })
     }
 
     /// How it goes so far.
@@ -203,7 +203,7 @@ impl Solve {
         let is_past = |time: Option<Instant>| time.is_some_and(|time| Instant::now() >= time);
         let Settings { relative_tolerance, max_iterations, deadline } = self.settings;
         loop {
-            if self.scale == 0.0 || self.sets_out && self.set_out(x, operator, b, workspace)? {
+            if self.scale == 0.0 || self.restarts && self.restart(x, operator, b, workspace)? {
                 return Ok(true);
             }
             // The recurrence drifts from the true residual by rounding only, so that more than one round is rare.
@@ -220,12 +220,12 @@ impl Solve {
                     return Ok(false);
                 }
             }
-            self.sets_out = true;
+            self.restarts = true;
         }
     }
 
     /// Computes the residual from the solution; returns whether that is solved.
-    fn set_out(
+    fn restart(
         &mut self,
         x: &[f64],
         operator: &(impl Operator + ?Sized),
@@ -233,7 +233,7 @@ impl Solve {
         workspace: &mut Workspace,
     ) -> Result<bool, Error> {
         self.residual = workspace.restart(operator, b, x);
-        (self.energy, self.sets_out) = (f64::INFINITY, false);
+        (self.energy, self.restarts) = (f64::INFINITY, false);
         self.info.relative_residual = self.residual / self.scale;
         if !self.info.relative_residual.is_finite() {
             return Err(Error::NotFinite { iterations: self.info.iterations });

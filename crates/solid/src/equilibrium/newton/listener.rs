@@ -1,4 +1,4 @@
-//! Progress that is asked for within one step, while a device iterates.
+//! Progress that is asked for within one step, while conjugate gradients iterate, on a device or here.
 
 use crate::clock::Instant;
 use std::cell::{Cell, RefCell};

@@ -83,7 +83,7 @@ impl<'a> Run<'a> {
         if step.run.contact.was_out_of_reach() && step.run.tried > FINE {
             return Err(Cut::OutOfReach);
         }
-        let unstable = step.verdict()?.or(step.left());
+        let unstable = step.verdict()?.or(step.instability_passed());
         let LoadStep { load, u, multipliers, history, steps, .. } = step;
         if let Some(row) = unstable {
             self.unstable = Some((load, row));
@@ -188,7 +188,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
     }
 
     /// Degree of freedom in which an equilibrium was not stable that Newton's method came by and left.
-    fn left(&self) -> Option<usize> {
+    fn instability_passed(&self) -> Option<usize> {
         let (row, passed) = self.passed.as_ref()?;
         let way: Vec<f64> = self.u.iter().zip(passed).map(|(u, p)| u - p).collect();
         (norm(&way) > SAME * norm(&self.u)).then_some(*row)
