@@ -12,6 +12,7 @@ from viscera.quantity import path_of
 
 SEPARATORS = ",;\t"
 THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?")
+"""A number with commas between its thousands; one with a single comma may also be a decimal."""
 
 Line = tuple[int, list[str]]
 """A line by its number, with its cells."""
