@@ -62,13 +62,16 @@ pub struct Settings {
     pub relative_tolerance: f64,
     /// Budget of iterations, each one product with the operator; default 1000.
     pub max_iterations: usize,
+    /// Iterations made once the first one is, however small its residual; default 1. A small residual may leave much of the
+    /// softest motion, of which a preconditioner of few digits gives a first share only.
+    pub least_iterations: usize,
     /// Time at which to stop with what there is; default none.
     pub deadline: Option<Instant>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { relative_tolerance: 1e-8, max_iterations: 1000, deadline: None }
+        Self { relative_tolerance: 1e-8, max_iterations: 1000, least_iterations: 1, deadline: None }
     }
 }
 
@@ -201,15 +204,18 @@ impl Solve {
         pause: Option<Instant>,
     ) -> Result<bool, Error> {
         let is_past = |time: Option<Instant>| time.is_some_and(|time| Instant::now() >= time);
-        let Settings { relative_tolerance, max_iterations, deadline } = self.settings;
+        let Settings { max_iterations, deadline, .. } = self.settings;
         loop {
             if self.scale == 0.0 || self.restarts && self.restart(x, operator, b, workspace)? {
                 return Ok(true);
             }
             // The recurrence drifts from the true residual by rounding only, so that more than one round is rare.
-            while self.residual > relative_tolerance * self.scale {
+            while self.goes_on() {
                 let Info { iterations, .. } = self.info;
                 if iterations == max_iterations || iterations > 0 && is_past(deadline) {
+                    if self.is_solved() {
+                        break;
+                    }
                     return Err(Error::BudgetSpent(self.info));
                 }
                 let energy = &mut self.energy;
@@ -222,6 +228,17 @@ impl Solve {
             }
             self.restarts = true;
         }
+    }
+
+    /// Whether the residual is as small as was asked for.
+    fn is_solved(&self) -> bool {
+        self.residual <= self.settings.relative_tolerance * self.scale
+    }
+
+    /// Whether another iteration is due, if the budget allows it.
+    fn goes_on(&self) -> bool {
+        let are_enough = self.info.iterations >= self.settings.least_iterations;
+        self.residual > 0.0 && !(are_enough && self.is_solved())
     }
 
     /// Computes the residual from the solution; returns whether that is solved.

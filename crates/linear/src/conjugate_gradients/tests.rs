@@ -113,7 +113,7 @@ fn solves_without_a_matrix_in_as_many_iterations_as_there_are_rows() {
     let mut x = vec![0.0; n];
     let mut tip_force = vec![0.0; n];
     tip_force[n - 1] = 1.0;
-    let settings = Settings { relative_tolerance: 1e-12, max_iterations: n, deadline: None };
+    let settings = Settings { relative_tolerance: 1e-12, max_iterations: n, ..Settings::default() };
     solve(&mut x, &Bar(n), &mut Multiple(n, 1.0), &tip_force, &settings, &mut Workspace::new(n))
         .unwrap();
     (0..n).for_each(|i| assert!((x[i] - (i + 1) as f64).abs() < 1e-9));
@@ -171,6 +171,31 @@ fn a_deadline_that_has_passed_leaves_one_iteration() {
 }
 
 #[test]
+fn the_least_iterations_are_made_but_not_beyond_the_budget() {
+    let matrix = elastic_block(4, 3, 3);
+    let b = load(matrix.pattern.n, 0);
+    let run = |x: &mut Vec<f64>, settings: Settings| {
+        let preconditioner = &mut block_jacobi(&matrix);
+        let workspace = &mut Workspace::new(b.len());
+        solve(x, &operator(&matrix), preconditioner, &b, &settings, workspace)
+    };
+    // A tolerance that the first iteration reaches.
+    let loose = Settings { relative_tolerance: 0.99, ..Settings::default() };
+    let (mut one, mut three) = (vec![0.0; b.len()], vec![0.0; b.len()]);
+    assert_eq!(run(&mut one, loose).unwrap().iterations, 1);
+    let info = run(&mut three, Settings { least_iterations: 3, ..loose }).unwrap();
+    assert_eq!(info.iterations, 3);
+    assert!(matrix.relative_residual(&three, &b) < matrix.relative_residual(&one, &b));
+    // Solved is solved: neither a spent budget nor a deadline makes that a failure, and a good guess needs no iteration.
+    let least = Settings { least_iterations: 3, ..loose };
+    let deadline = Some(crate::clock::Instant::now());
+    for settings in [Settings { max_iterations: 1, ..least }, Settings { deadline, ..least }] {
+        assert_eq!(run(&mut vec![0.0; b.len()], settings).unwrap().iterations, 1);
+    }
+    assert_eq!(run(&mut three, least).unwrap().iterations, 0);
+}
+
+#[test]
 fn a_solve_that_pauses_after_every_iteration_comes_to_the_same() {
     let matrix = uneven_block();
     let b = load(matrix.pattern.n, 0);
@@ -224,7 +249,8 @@ fn refuses_bad_arguments() {
 fn stops_at_rounding_rather_than_run_for_ever() {
     let matrix = elastic_block(4, 3, 3);
     let b = load(matrix.pattern.n, 0);
-    let settings = Settings { relative_tolerance: 1e-30, max_iterations: 300, deadline: None };
+    let settings =
+        Settings { relative_tolerance: 1e-30, max_iterations: 300, ..Settings::default() };
     let mut x = vec![0.0; b.len()];
     let stopped = solve(
         &mut x,

@@ -147,7 +147,8 @@ impl MassMatrix {
         let b: Vec<f64> =
             force.iter().enumerate().map(|(d, f)| if is_held(d) { 0.0 } else { *f }).collect();
         let mut a = vec![0.0; b.len()];
-        let settings = Settings { relative_tolerance: 1e-13, max_iterations: 200, deadline: None };
+        let settings =
+            Settings { relative_tolerance: 1e-13, max_iterations: 200, ..Settings::default() };
         let free = Free { mass: self, is_held };
         // What it misses of the tolerance is rounding.
         let _ = cg::solve(

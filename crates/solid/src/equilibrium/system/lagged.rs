@@ -194,6 +194,11 @@ impl Lagged {
         self.spare.as_ref().is_some_and(|spare| !spare.has_thread())
     }
 
+    /// Whether the factor in use is in single precision.
+    pub fn is_single(&self) -> bool {
+        !self.current.is_double
+    }
+
     pub fn hold(&mut self, is_held: &[bool]) {
         self.is_held.copy_from_slice(is_held);
         self.current.hold(is_held);

@@ -75,6 +75,7 @@ impl Iterative {
         let settings = Settings {
             relative_tolerance: tolerance,
             max_iterations: self.settings.max_iterations,
+            least_iterations: self.least_iterations(),
             deadline: until.deadline,
         };
         let n = self.residual.len();
