@@ -419,6 +419,7 @@ class Model:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""
 
 CONTACT_ERROR: float
+VOLUME_BOUNDS: list[float]
 PROBE_TOLERANCE: float
 
 class Probe:

@@ -62,6 +62,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<body::Body>()?;
     m.add_class::<compliance::Compliance>()?;
     m.add_class::<stepper::Stepper>()?;
+    m.add("VOLUME_BOUNDS", viscera_core::equilibrium::VOLUME_BOUNDS)?;
     m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
     m.add_class::<probe::Probe>()?;

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
     from viscera.organ import Organ
 
-BOUNDS = (0.05, 4.0)
-"""Volume ratios within which frames keep cells."""
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Frame(Deformed, Pictured):
@@ -106,7 +103,7 @@ class Frame(Deformed, Pictured):
         if self.cells_at_bound == 0:
             return ""
         ratios = self._response.volume_ratio
-        low, high = BOUNDS
+        low, high = _core.VOLUME_BOUNDS
         cell, point = np.unravel_index(np.maximum(low / ratios, ratios / high).argmax(), ratios.shape)
         cells = "1 cell" if self.cells_at_bound == 1 else f"{self.cells_at_bound} cells"
         return f"{cells} at a bound, cell {cell} with {100.0 * ratios[cell, point]:.3g} % of its volume"

@@ -2,7 +2,7 @@
 
 use super::outcome::Status;
 use super::problem::Problem;
-use super::stepper::SOUND;
+use super::stepper::VOLUME_BOUNDS;
 use crate::body::Body;
 use crate::error::Error;
 use crate::linear::FactorError;
@@ -112,8 +112,9 @@ pub(super) struct Ending {
 /// The cell farthest beyond the volume ratios in which frames keep cells, and its `J`; none where the law lets cells turn
 /// inside out.
 pub(super) fn unsound_cell(body: &Body, u: &[f64]) -> Option<(usize, f64)> {
-    let beyond = |j: f64| (SOUND[0] / j).max(j / SOUND[1]);
-    let found = body.outliers(u, SOUND).into_iter().map(|point| (point.cell, point.volume_ratio));
+    let beyond = |j: f64| (VOLUME_BOUNDS[0] / j).max(j / VOLUME_BOUNDS[1]);
+    let found =
+        body.outliers(u, VOLUME_BOUNDS).into_iter().map(|point| (point.cell, point.volume_ratio));
     found.max_by(|one, other| beyond(one.1).total_cmp(&beyond(other.1)))
 }
 
@@ -159,7 +160,7 @@ impl Ending {
 
     /// Where a solution is no state of tissue, though it has converged.
     fn doubt(&self) -> String {
-        let [low, high] = SOUND;
+        let [low, high] = VOLUME_BOUNDS;
         let Some((cell, j)) = self.unsound else { return String::new() };
         let has = if j <= low {
             format!("{:.2} % of its volume left, less than the {:.0} %", 100.0 * j, 100.0 * low)

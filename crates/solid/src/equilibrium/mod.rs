@@ -24,6 +24,7 @@ pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem, patch_mean};
 pub use stepper::{
     Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings, Torque, Turn,
+    VOLUME_BOUNDS,
 };
 pub use system::{
     Choice, ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSeries, DeviceSolution,

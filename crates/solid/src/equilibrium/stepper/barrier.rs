@@ -18,7 +18,7 @@ use crate::body::{Body, Outlier, SymmetricBlocks};
 /// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
 /// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
 /// its volume either: a step that says so has been yanked too far for its tangent.
-pub const SOUND: [f64; 2] = [0.05, 4.0];
+pub const VOLUME_BOUNDS: [f64; 2] = [0.05, 4.0];
 
 /// A volume ratio below so many times the lower bound, or above this part of the upper, is next to it.
 const NEXT_TO_LOW: f64 = 2.0;

@@ -39,7 +39,7 @@ use crate::contact::Contact;
 use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
-pub(super) use barrier::SOUND;
+pub use barrier::VOLUME_BOUNDS;
 use barrier::VolumeBarrier;
 use extrapolation::Extrapolation;
 use frame::check_vector;
@@ -166,7 +166,7 @@ impl Stepper {
                 "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
             )));
         }
-        let barrier = VolumeBarrier::new(SOUND, body, &displacement);
+        let barrier = VolumeBarrier::new(VOLUME_BOUNDS, body, &displacement);
         let time_step = settings.time_step.unwrap_or_default();
         let motion = match &settings.dynamics {
             Some(dynamics) => {

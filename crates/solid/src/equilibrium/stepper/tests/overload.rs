@@ -232,7 +232,7 @@ fn crushed() -> (Body, Vec<f64>, Vec<bool>) {
 fn cells_that_begin_crushed_have_a_bound_of_their_own() {
     let (body, start, crushed) = crushed();
     let n_crushed = crushed.iter().filter(|&&is| is).count();
-    let mut barrier = VolumeBarrier::new(SOUND, &body, &start);
+    let mut barrier = VolumeBarrier::new(VOLUME_BOUNDS, &body, &start);
     let force_of = |barrier: &VolumeBarrier| {
         let mut force = vec![0.0; body.n_dofs()];
         barrier.add_force(&body, &mut force);
@@ -247,7 +247,9 @@ fn cells_that_begin_crushed_have_a_bound_of_their_own() {
     assert!(barrier.n_cells() == n_crushed && force_of(&barrier) == 0.0);
     // Once they have come back they have the bounds of all.
     assert!(barrier.follow(&body, &at(0.11)));
-    assert!(barrier.is_idle() && barrier.range() == SOUND && !barrier.follow(&body, &at(0.04)));
+    assert!(
+        barrier.is_idle() && barrier.range() == VOLUME_BOUNDS && !barrier.follow(&body, &at(0.04))
+    );
     // A frame that is given up begins anew.
     barrier.begin(&body, &start);
     assert!(barrier.n_cells() == n_crushed && force_of(&barrier) == 0.0);
