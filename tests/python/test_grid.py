@@ -16,6 +16,7 @@ from tests.conftest import full_disk
 import viscera as vs
 from viscera.cli import main
 from viscera.scans import grid
+from viscera.scans.warp import labels_moved, warp
 
 sitk = pytest.importorskip("SimpleITK", reason="images need SimpleITK: pip install viscera[scan]")
 
@@ -153,7 +154,7 @@ def test_a_label_map_moves_with_the_organ_and_leaves_nothing_behind(cube: vs.Mes
     shape = affine(cube)
     before, exact = labels_of(in_cube, image), voxels_of(labels_of(in_moved_cube, image))
     fields = [shape.on_grid(image, inverse=inverse) for inverse in (False, True)]
-    warped = grid.warp(before, *fields, interpolation="nearest")
+    warped = warp(before, *fields, interpolation="nearest")
     found = voxels_of(warped)
     assert set(np.unique(found)) == {0, 3, 7}
     assert (found == 7).sum() == (exact == 7).sum()
@@ -166,6 +167,27 @@ def test_a_label_map_moves_with_the_organ_and_leaves_nothing_behind(cube: vs.Mes
     assert (found == 3)[elsewhere].sum() == 0, "no shell of the organ stays where it was"
 
 
+def test_what_lies_beside_the_organ_stays_unless_the_organ_covers_it(cube: vs.Mesh) -> None:
+    """A neighbour that touches the organ, and that the mesh cuts into by a voxel here and there."""
+    places = grid.Grid.of(scan(np.eye(3), (2.5, 2.5, 2.5)), "RAS")
+    x = places.places(np.stack(np.meshgrid(*map(np.arange, places.shape), indexing="ij"), -1))
+    cut = (x[..., 0] > 0.047) & (np.abs(x[..., 1]) < 0.01)
+    neighbour = (x[..., 0] > 0.05) & (x[..., 0] < 0.08) & (np.abs(x[..., 1:]) < 0.05).all(axis=-1)
+    before = np.where(in_cube(x) & ~cut, 3, np.where(neighbour | (in_cube(x) & cut), 5, 0)).astype(np.uint8)
+    shape = vs.Organ(vs.mesh(cube.points - 0.05, cube.cells), LAW, fixed="z < 1%")
+    shift = np.zeros_like(shape.mesh.points)
+    for step in (-0.02, 0.01):
+        shift[:, 0] = step
+        fields = [shape.moved(shift).on_grid(places.image(before), inverse=inverse) for inverse in (False, True)]
+        found = voxels_of(warp(places.image(before), *fields, interpolation="nearest"))
+        voxels = round(-step / 2.5e-3)  # LPS, and the organ in RAS
+        assert np.array_equal(found == 3, np.roll(before == 3, voxels, axis=0))
+        assert np.array_equal(found == 5, (before == 5) & (found != 3))
+        labels = labels_moved(places.image(before), fields[0])
+        assert labels is not None
+        assert labels.tolist() == [3]
+
+
 def test_an_image_resampled_by_itk_is_the_same_inside(cube: vs.Mesh) -> None:
     image = scan(spacing=(4.0, 4.0, 4.0))
     places = grid.Grid.of(image, "RAS")
@@ -173,7 +195,7 @@ def test_an_image_resampled_by_itk_is_the_same_inside(cube: vs.Mesh) -> None:
     x = places.places(index)
     scene = places.image((100 * np.sin(40 * x[..., 0]) + 5e2 * x[..., 1] + 1e3 * x[..., 2] ** 2).astype(np.float32))
     fields = [affine(cube).on_grid(image, inverse=inverse) for inverse in (False, True)]
-    ours = voxels_of(grid.warp(scene, *fields))
+    ours = voxels_of(warp(scene, *fields))
     vectors = fields[1].grid.image(RAS * fields[1].displacement * 1e3)
     theirs = voxels_of(sitk.Resample(scene, scene, sitk.DisplacementFieldTransform(vectors), sitk.sitkLinear))
     at = tuple((np.argwhere(fields[1].inside) + fields[1].first).T)
@@ -194,7 +216,7 @@ def test_warp_from_the_command_line(files: Path, capsys: pytest.CaptureFixture[s
     words = [str(files / "labels.nii.gz"), "--with", str(files / "state.vtu")]
     written = ["-o", str(files / "moved.nrrd"), "--field", str(files / "field.nii.gz"), "--json", str(files / "said")]
     assert main(["warp", *words, *written]) == 0
-    keys = {"status", "seconds", "voxels", "voxels_moved", "interpolation"}
+    keys = {"status", "seconds", "voxels", "voxels_moved", "interpolation", "labels_moved"}
     assert set(json.loads((files / "said").read_text())) == keys, "as docs/cli.md says"
     assert "nearest interpolation" in capsys.readouterr().out
     moved = voxels_of(sitk.ReadImage(str(files / "moved.nrrd")))
@@ -318,7 +340,7 @@ def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: P
         shape.on_grid(tmp_path / "flat.nrrd")
     field = shape.on_grid(scan())
     with pytest.raises(vs.VisceraError, match="several values at a voxel"):
-        grid.warp(field.grid.image(field.displacement), field, field)
+        warp(field.grid.image(field.displacement), field, field)
 
 
 @pytest.mark.parametrize("axes", ["RAS", "LPS"])

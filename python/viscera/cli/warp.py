@@ -2,6 +2,7 @@
 
 viscera warp scan.nii.gz --with solved.vtu -o moved.nii.gz
 The voxels of the organ move with it. Voxels that it has left get the background value; all others stay unchanged.
+Of a label map the labels that lie in the organ move, and none beside it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from viscera.output import state as statefile
 from viscera.scans import grid
 from viscera.scans.itk import sitk
 from viscera.scans.labelmap import is_label_map
+from viscera.scans.warp import INTERPOLATIONS, labels_moved, warp
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--axes", help="world axes of the mesh, RAS or LPS (default: those that the solution states, else RAS)"
     )
     parser.add_argument(
-        "--interpolation", choices=grid.INTERPOLATIONS,
+        "--interpolation", choices=INTERPOLATIONS,
         help="default: nearest for a label map (whole numbers from 0, in the main the same in neighbouring voxels), "
         "otherwise linear",
     )  # fmt: skip
@@ -64,15 +66,25 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
     if args.output is not None:
         interpolation, why = (args.interpolation, "") if args.interpolation else _fitting(image)
-        warped = grid.warp(image, forward, inverse, interpolation=interpolation, background=args.background)
+        warped = warp(image, forward, inverse, interpolation=interpolation, background=args.background)
         grid.write(args.output, warped)
         output.say(f"written to {args.output}, {interpolation} interpolation{why}")
-        facts |= {"interpolation": interpolation}
+        facts |= {"interpolation": interpolation} | _labels(image, forward, interpolation, output)
     for path, field in ((args.field, inverse), (args.forward_field, forward)):
         if path is not None:
             field.write(path)
             output.say(f"field written to {path}")
     return Outcome("written", facts=facts)
+
+
+def _labels(image: Any, forward: grid.Field, interpolation: str, output: Output) -> dict[str, list[int]]:
+    """Which labels moved, said and as a fact; of an image nothing."""
+    moved = labels_moved(image, forward) if interpolation == "nearest" else None
+    if moved is None:
+        return {}
+    labels = [int(label) for label in moved]
+    output.say(f"labels of the organ: {', '.join(map(str, labels))}; others stay where it does not cover them")
+    return {"labels_moved": labels}
 
 
 def _fitting(image: Any) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""A displacement on the grid of an image, and images moved by it: NIfTI, NRRD, MetaImage (`pip install SimpleITK`).
+"""A displacement on the grid of an image, and files of images: NIfTI, NRRD, MetaImage (`pip install SimpleITK`).
 
 World axes are right, anterior, superior (RAS) or left, posterior, superior (LPS); they differ in the sign of x and y.
 A mesh is in metres in either. Files of images are read and written by SimpleITK, which uses LPS and millimetres.
@@ -27,7 +27,6 @@ from viscera.sealed import Sealed
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
 """Signs that turn coordinates into LPS and back."""
 FORMATS = (".nii", ".nii.gz", ".nrrd", ".mha")
-INTERPOLATIONS = ("linear", "nearest")
 MM = 1e-3
 CHUNK = 1 << 20
 """Voxels looked up at once."""
@@ -108,7 +107,7 @@ def axes_of(mesh: Mesh, axes: str | None) -> str:
     return axes
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Field(Sealed):
     """A displacement at the voxels of a part of an image: the box around the organ."""
 
@@ -122,6 +121,11 @@ class Field(Sealed):
     """Whether a voxel's centre (i, j, k) is in the organ."""
     is_known: NDArray[np.bool_]
     """Whether there is a displacement: inside, and within the margin."""
+
+    def __repr__(self) -> str:
+        sizes = " x ".join(map(str, self.grid.shape))
+        inside, known = int(self.inside.sum()), int(self.is_known.sum())
+        return f"Field({sizes} voxels in {self.grid.axes}, {inside} in the organ, {known - inside} in the margin)"
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """The field as a vector image of millimetres in LPS, as ITK and 3D Slicer read displacement fields."""
@@ -231,64 +235,6 @@ def _corners(shape: tuple[int, int, int]) -> NDArray[np.int64]:
 def _span(places: Floats) -> str:
     low, high = places.min(axis=0), places.max(axis=0)
     return f"{np.round(low, 3).tolist()} to {np.round(high, 3).tolist()}"
-
-
-def warp(
-    image: Any, forward: Field, inverse: Field, *, interpolation: str = "linear", background: float | None = None
-) -> Any:
-    """An image (SimpleITK) of the moved organ: a voxel x of it takes the value that was at X = x + v(x).
-
-    interpolation: "linear", or "nearest" for label maps. Voxels that the organ has left take `background`, by default
-    the smallest value of the image. All others keep their values, since the motion around the organ is not known.
-    Raises `VisceraError` if the image has several values at a voxel.
-    """
-    Choice(INTERPOLATIONS)(interpolation, "the interpolation")
-    if image.GetNumberOfComponentsPerPixel() > 1:
-        raise VisceraError("the image has several values at a voxel; give one of a single value")
-    voxels = sitk().GetArrayFromImage(image).transpose(2, 1, 0)
-    empty = voxels.min() if background is None else background
-    if not _holds(voxels.dtype, empty):
-        raise VisceraError(f"the background {empty} is no value of an image of {voxels.dtype}")
-    left, covered = (np.argwhere(field.is_known) + field.first for field in (forward, inverse))
-    values = _sampled(voxels, covered + _steps(inverse), interpolation, float(empty))
-    moved = voxels.copy()
-    moved[tuple(left.T)] = empty
-    is_whole = np.issubdtype(voxels.dtype, np.integer)
-    moved[tuple(covered.T)] = (np.rint(values) if is_whole else values).astype(voxels.dtype)
-    warped = sitk().GetImageFromArray(np.ascontiguousarray(moved.transpose(2, 1, 0)))
-    warped.CopyInformation(image)
-    return warped
-
-
-def _holds(kind: np.dtype[Any], value: Any) -> bool:
-    if not np.issubdtype(kind, np.integer):
-        return bool(np.isfinite(value))
-    return float(value).is_integer() and np.iinfo(kind).min <= value <= np.iinfo(kind).max
-
-
-def _steps(field: Field) -> Floats:
-    """The displacement (k, 3) of known voxels in voxels."""
-    return np.asarray(field.displacement[field.is_known] @ np.linalg.inv(field.grid.matrix).T)
-
-
-def _sampled(voxels: NDArray[Any], index: Floats, interpolation: str, empty: float) -> Floats:
-    """Values (k,) of an image at indices (k, 3); `empty` outside."""
-    size = np.array(voxels.shape)
-    values = np.full(len(index), empty)
-    inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1)
-    at = index[inside]
-    if interpolation == "nearest":
-        values[inside] = voxels[tuple(np.rint(at).astype(np.int64).T)]
-        return values
-    at = np.clip(at, 0, size - 1)
-    low = np.minimum(np.floor(at).astype(np.int64), np.maximum(size - 2, 0))
-    part = at - low
-    total = np.zeros(len(at))
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(corner, part, 1.0 - part), axis=1)
-        total += weight * voxels[tuple(np.minimum(low + corner, size - 1).T)]
-    values[inside] = total
-    return values
 
 
 def read(path: str | os.PathLike[str]) -> Any:
