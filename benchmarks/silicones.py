@@ -18,8 +18,8 @@ import numpy as np
 
 import viscera as vs
 from viscera.fitting import Fit, MaterialTest, fit
+from viscera.fitting.columns import read_columns
 from viscera.fitting.homogeneous import incompressible_stress
-from viscera.fitting.materialtest import read_columns
 from viscera.fitting.specimen import SpecimenTest, cylinder
 
 RADIUS, HEIGHT = 0.025, 0.03

@@ -13,9 +13,9 @@ import pytest
 import viscera as vs
 from viscera.cli import main
 from viscera.cli.options import square_metres
+from viscera.fitting.columns import read_columns
 from viscera.fitting.families import family
 from viscera.fitting.homogeneous import drucker_range, incompressible_stress
-from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
 
 STRETCH = np.concatenate([np.linspace(0.4, 0.98, 15), np.linspace(1.02, 1.8, 15)])
@@ -389,7 +389,7 @@ def test_a_curve_of_stretch_beside_one_of_force_takes_its_specimen(tmp_path: Pat
 def test_a_file_that_is_no_table_of_numbers_is_refused(text: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(vs.VisceraError, match=words):
-        read_columns(tmp_path / "a.csv")
+        dict(read_columns(tmp_path / "a.csv"))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import viscera as vs
-from viscera.fitting.materialtest import read_columns
+from viscera.cli import main
+from viscera.fitting.columns import read_columns
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
@@ -56,4 +57,16 @@ def test_separators_at_the_end_of_lines_and_comments_are_left_out(text: str, tmp
 def test_a_table_in_another_form_is_refused_with_its_cause(text: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(vs.VisceraError, match=words):
-        read_columns(tmp_path / "a.csv")
+        dict(read_columns(tmp_path / "a.csv"))
+
+
+def test_columns_that_nobody_asks_for_may_hold_anything(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "time,stretch,stress,remark\n10:00:00,1,0,\n10:00:01,1.1,250,slipped\n10:00:02,1.2,450,\n"
+    )
+    columns = read_columns(tmp_path / "a.csv")
+    assert list(columns) == ["time", "stretch", "stress", "remark"]
+    assert columns["stress"].tolist() == [0.0, 250.0, 450.0]
+    with pytest.raises(vs.VisceraError, match="line 2: time is '10:00:00'; give a number"):
+        columns["time"]
+    assert main(["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean"]) == 0

@@ -21,9 +21,9 @@ from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.curves import MODES
 from viscera.errors import VisceraError
 from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
+from viscera.fitting.columns import Columns, read_columns
 from viscera.fitting.families import FAMILIES
 from viscera.fitting.fit import Undetermined
-from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
 from viscera.output.kind import check_picture
 from viscera.progress import Progress, bar
@@ -164,7 +164,7 @@ def _refuse_of_specimen(args: argparse.Namespace) -> None:
             )
 
 
-def _test(path: Path, columns: dict[str, Floats], name: str, args: argparse.Namespace) -> MaterialTest:
+def _test(path: Path, columns: Columns, name: str, args: argparse.Namespace) -> MaterialTest:
     if args.stuck and (args.mode != "uniaxial" or _find(columns, "stretch")):
         raise VisceraError("--stuck takes uniaxial curves of displacement and force, with --length and --diameter")
     if _find(columns, "stretch"):
@@ -206,7 +206,7 @@ def _up_to(
     return parameter[near], measured[near]
 
 
-def _find(columns: dict[str, Floats], name: str) -> list[str]:
+def _find(columns: Columns, name: str) -> list[str]:
     return [column for column in columns if _named(column)[0] == name]
 
 
@@ -225,12 +225,12 @@ def _factor(unit: str, units: dict[str, float]) -> float | None:
     return units[known[0]] if known else None
 
 
-def _first(columns: dict[str, Floats], *names: str) -> str:
+def _first(columns: Columns, *names: str) -> str:
     """The first of the names that a column has; if none has one, the first, which is then missed in words."""
     return next((name for name in names if _find(columns, name)), names[0])
 
 
-def _column(path: Path, columns: dict[str, Floats], name: str) -> Floats:
+def _column(path: Path, columns: Columns, name: str) -> Floats:
     found = _find(columns, name)
     if not found:
         raise VisceraError(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import re
 from dataclasses import dataclass
 from numbers import Real
 
@@ -12,14 +10,11 @@ from numpy.typing import ArrayLike
 
 from viscera.curves import MODES
 from viscera.errors import VisceraError, did_you_mean
-from viscera.files.text import is_number, number, read_table
 from viscera.mesh import Floats
 from viscera.quantity import brief, refuse_masked
 from viscera.sealed import Sealed
 
 SMALLEST_STRETCH = 0.05
-UNIT = re.compile(r"[^\W\d_]{0,3}|[-%]|mm/mm")
-"""What stands under a name in a line of units."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -104,23 +99,6 @@ class MaterialTest(Sealed):
         low, high = self.stretch.min(), self.stretch.max()
         parameter = MODES[self.mode].parameter
         return f"MaterialTest({self.name!r}: {self.mode}, {self.n_points} points, {parameter} {low:.3g} to {high:.3g})"
-
-
-def read_columns(path: str | os.PathLike[str]) -> dict[str, Floats]:
-    """The columns of a CSV file by the names in its first line; a line of units below becomes part of them."""
-    names, rows = read_table(path)
-    if rows and not any(map(is_number, rows[0][1])):
-        units = [cell.strip("()[] ") for cell in rows[0][1]]
-        if all(map(UNIT.fullmatch, units)):
-            names = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
-            rows = rows[1:]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise VisceraError(f"{path}: two columns are called {twice!r}; leave one")
-    if len(rows) < 2:
-        raise VisceraError(f"{path}: a curve needs a line of names and at least two lines of numbers")
-    values = np.array([[number(path, line, *cell) for cell in zip(names, row, strict=True)] for line, row in rows])
-    return dict(zip(names, values.T, strict=True))
 
 
 def _curve(name: str, what: str, values: ArrayLike) -> Floats:
