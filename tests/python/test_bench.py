@@ -169,3 +169,25 @@ def test_a_file_of_something_else(text: str, tmp_path: Path, capsys: pytest.Capt
     (tmp_path / "kept.json").write_text(text, encoding="utf-8")
     assert cli.main(["bench", "laws", "--against", str(tmp_path / "kept.json")]) == 2
     assert str(tmp_path / "kept.json") in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[]", "holds no rows of `viscera bench laws`; give the laws.json that it wrote"),
+        ('{"rows": [1]}', "holds no rows of `viscera bench laws`"),
+        ('{"rows": [{"law": "NeoHookean"}]}', "holds rows without 'element'"),
+        ("rows", "is no JSON file"),
+        (None, "no such file"),
+    ],
+)
+def test_what_is_no_earlier_run_is_refused_in_a_sentence(
+    text: str | None, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "kept.json"
+    if text is not None:
+        path.write_text(text)
+    assert cli.main(["bench", "laws", "--against", str(path)]) == 2
+    assert words in capsys.readouterr().err
+    assert cli.main(["bench", "laws", "--against", str(tmp_path)]) == 2
+    assert "is a folder, not a JSON file" in capsys.readouterr().err

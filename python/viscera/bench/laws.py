@@ -166,12 +166,16 @@ def facts(rows: Sequence[Row]) -> dict[str, Any]:
     return {"rows": [asdict(row) for row in rows]}
 
 
-def rows_of(kept: Mapping[str, Any], name: str) -> dict[str, Row]:
+def rows_of(kept: Any, name: str) -> dict[str, Row]:
     """The rows of an earlier run's JSON by law and element; raises `VisceraError` if it holds none."""
-    try:
-        rows = [Row(**{field: row[field] for field in Row.__dataclass_fields__}) for row in kept["rows"]]
-    except (KeyError, TypeError) as error:
-        raise VisceraError(f"{name} holds no rows of `viscera bench laws`: {error!r} is missing") from error
+    given = kept.get("rows") if isinstance(kept, Mapping) else None
+    if not isinstance(given, list) or not all(isinstance(row, Mapping) for row in given):
+        raise VisceraError(f"{name} holds no rows of `viscera bench laws`; give the laws.json that it wrote")
+    fields = Row.__dataclass_fields__
+    missing = next((field for row in given for field in fields if field not in row), None)
+    if missing is not None:
+        raise VisceraError(f"{name} holds rows without {missing!r}; give the laws.json that `viscera bench laws` wrote")
+    rows = [Row(**{field: row[field] for field in fields}) for row in given]
     for row in rows:
         for field in (*COSTS, "iterations", "trusted", "beyond"):
             value = getattr(row, field)

@@ -20,6 +20,7 @@ from viscera.bench.machine import describe
 from viscera.cli.output import DONE, FAILED, Outcome, Output, plain
 from viscera.errors import VisceraError
 from viscera.files.atomic import made_folder, replacing, writable
+from viscera.quantity import path_of
 
 QUESTIONS = ("newton", "laws")
 
@@ -96,9 +97,12 @@ def _laws(args: argparse.Namespace, output: Output) -> Outcome:
 
 
 def _read(path: str) -> Any:
+    file = path_of(path, "--against")
+    if not file.is_file():
+        raise VisceraError(f"{path}: {'is a folder, not a JSON file' if file.is_dir() else 'no such file'}")
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise VisceraError(f"{path} is no JSON file: {error}") from error
 
 
