@@ -104,9 +104,7 @@ class Touch(Stored, Pictured):
         name, (low, high) = parameter["name"], parameter["range"]
         if name == "radius" and isinstance(value, str):
             value = length(value, self.mesh.diagonal, name)
-        value = Number(UNITS.get(name, ""))(value, name)
-        if not low <= value <= high:
-            raise VisceraError(f"this model covers {name} from {low:g} to {high:g}, not {value:g}")
+        value = Number(UNITS.get(name, ""), low=low, high=high)(value, f"{name} of this model")
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
         if name != "radius":
             cells = self._model.array("parameter_cells")
