@@ -128,13 +128,16 @@ def flipped(data: bytes, bit: int) -> bytes:
 
 
 def test_every_flipped_bit_is_refused(reader: ModuleType, tmp_path: Path, bar: vs.Mesh) -> None:
-    """400 bits anywhere and 400 of the header: by the package, and by the reader of the page."""
+    """400 bits anywhere, 400 of the header and those of its version: by the package, and by the reader of the page."""
     organ, path = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root"), tmp_path / "bar.viscera"
     organ.reduce("tip", order=2).save(path)
     data = path.read_bytes()
     rng = np.random.default_rng(8)
     header = 8 * (8 + int.from_bytes(data[:8], "little"))
-    for bit in [*rng.integers(8 * len(data), size=400).tolist(), *rng.integers(header, size=400).tolist()]:
+    key = b'format_version\\":'
+    version = 8 * (data.index(key) + len(key))  # a bit makes it that of files without checksums
+    anywhere = [*rng.integers(8 * len(data), size=400).tolist(), *rng.integers(header, size=400).tolist()]
+    for bit in [*range(version, version + 8), *anywhere]:
         with pytest.raises(vs.VisceraError, match="not a usable model file"):
             load_bytes(flipped(data, bit))
         path.write_bytes(flipped(data, bit))

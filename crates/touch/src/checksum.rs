@@ -7,6 +7,7 @@
 use crate::Error;
 use safetensors::SafeTensors;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
 /// What precedes the checksum of the metadata.
@@ -18,7 +19,20 @@ pub(super) struct Checksums {
     array_crc32: BTreeMap<String, u32>,
 }
 
+/// The entries of sealed metadata, either of which tells that there were checksums.
+#[derive(Deserialize)]
+struct Entries {
+    array_crc32: Option<IgnoredAny>,
+    crc32: Option<IgnoredAny>,
+}
+
 impl Checksums {
+    /// Whether metadata have checksums, whatever version they state: a flipped bit of the version must not hide them.
+    pub fn are_in(metadata: &str) -> bool {
+        let entries = serde_json::from_str(metadata);
+        entries.is_ok_and(|Entries { array_crc32, crc32 }| array_crc32.is_some() || crc32.is_some())
+    }
+
     pub fn add(&mut self, name: &str, bytes: &[u8]) {
         self.array_crc32.insert(name.to_string(), crc32fast::hash(bytes));
     }

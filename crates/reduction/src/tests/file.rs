@@ -161,6 +161,23 @@ fn every_flipped_bit_is_refused() {
     }
 }
 
+/// A bit of the version makes the file one of before there were checksums, or of version 2: they are compared all the same.
+#[test]
+fn a_flipped_version_hides_no_damage() {
+    let mut bytes = MODEL.to_bytes().unwrap();
+    let key = b"format_version\\\":";
+    let version = key.len() + bytes.windows(key.len()).position(|w| w == key).unwrap();
+    for (bit, expected) in [(0, b'2'), (1, b'1')] {
+        let mut damaged = bytes.clone();
+        damaged[version] ^= 1 << bit;
+        assert_eq!(damaged[version], expected);
+        assert!(sentence(&damaged).contains("its metadata are damaged: the checksum differs"));
+    }
+    bytes[version] = b'1';
+    *bytes.last_mut().unwrap() ^= 1;
+    assert_ne!(sentence(&bytes), "accepted");
+}
+
 #[test]
 fn damage_is_called_damage() {
     let bytes = MODEL.to_bytes().unwrap();
