@@ -81,7 +81,8 @@ impl HyperReducedModel {
     }
 
     /// Compares the last answer with the nearest equilibrium of the whole body, and adds that as a snapshot if the
-    /// answer is wrong. Returns whether a snapshot was added. Takes some tenths of a second, or seconds.
+    /// answer is wrong. Returns whether a snapshot was added: solve again then, since nothing more is added until there is
+    /// a new answer. Takes some tenths of a second, or seconds.
     ///
     /// # Errors
     /// No memory for a solver; a model that trains in the background, which does it by itself.
@@ -99,6 +100,8 @@ impl HyperReducedModel {
             let mut better = Trained::new(contacts, training, since);
             go_on(&self.now, &mut better, self.reached, self.is_alone);
             self.now = better;
+            // The coordinates are still those of the old answer, which is no equilibrium of the better model.
+            self.reached = Reached::AnIterate;
         }
         Ok(is_wrong)
     }
