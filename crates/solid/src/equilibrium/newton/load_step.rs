@@ -204,7 +204,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         if self.run.budget.is_some() {
             return self.probe(is_near);
         }
-        if is_near && self.unstable.is_none() && !self.run.has_overlooked() {
+        if is_near && self.unstable.is_none() && !self.run.has_overlooked()? {
             return Ok(None);
         }
         self.run.find_instability()
@@ -216,7 +216,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
             self.run.is_near = true;
             self.run.factorize()?;
         }
-        if self.run.is_probed_stable() { Ok(None) } else { Err(Cut::Doubtful) }
+        if self.run.is_probed_stable()? { Ok(None) } else { Err(Cut::Doubtful) }
     }
 }
 

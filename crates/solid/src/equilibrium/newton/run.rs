@@ -1,7 +1,7 @@
 //! A solution in progress: where it stands, and what its steps have in common.
 
 use super::Newton;
-use super::listener::Listener;
+use super::listener::while_wanted;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::Contact;
@@ -228,23 +228,24 @@ impl<'a> Run<'a> {
 
     /// Whether the last tangent is positive definite, as far as conjugate gradients can tell that were chosen
     /// automatically. A factor has told already.
-    pub(super) fn is_probed_stable(&mut self) -> bool {
-        let clock = Instant::now();
-        let is_stable = self.budget.is_none()
-            || self.shift == 0.0
-                && self.solver.is_definite_along(&waves(self.body().points()), PROBED)
-                    == Some(true);
-        self.seconds.solve += clock.elapsed().as_secs_f64();
-        is_stable
+    pub(super) fn is_probed_stable(&mut self) -> Result<bool, Cut> {
+        Ok(self.budget.is_none()
+            || self.shift == 0.0 && self.is_definite_along_waves()? == Some(true))
     }
 
     /// Whether the last tangent is not positive definite, though the solution did not excite that motion and conjugate
     /// gradients did not meet it: a straight column, pressed straight.
-    pub(super) fn has_overlooked(&mut self) -> bool {
-        let clock = Instant::now();
-        let found = self.solver.is_definite_along(&waves(self.body().points()), PROBED);
+    pub(super) fn has_overlooked(&mut self) -> Result<bool, Cut> {
+        Ok(self.is_definite_along_waves()? == Some(false))
+    }
+
+    fn is_definite_along_waves(&mut self) -> Result<Option<bool>, Cut> {
+        let (clock, waves) = (Instant::now(), waves(self.body().points()));
+        let Run { progress, load, solver, .. } = self;
+        let find = |until: Until<'_>| solver.is_definite_along(&waves, PROBED, until);
+        let found = while_wanted(&mut **progress, *load, find);
         self.seconds.solve += clock.elapsed().as_secs_f64();
-        found == Some(false)
+        found
     }
 
     /// Tells the load reached, unless the caller wants no more. A large factor takes most of a second, so it is asked
@@ -320,14 +321,10 @@ impl<'a> Run<'a> {
         load: f64,
     ) -> Result<(f64, Vec<f64>, Vec<f64>), Cut> {
         let (clock, increment) = (Instant::now(), load - self.load);
-        let listener = Listener::new(&mut *self.progress, self.load);
-        let until = Until { deadline: None, is_wanted: &|| listener.is_wanted() };
+        let Run { problem, progress, solver, .. } = self;
         let loads = [self.load, increment];
-        let predictor = Predictor::new(self.problem, &mut self.solver, u, first, loads, until);
-        if listener.is_stopped() {
-            return Err(Cut::Cancelled);
-        }
-        let predictor = predictor.map_err(Cut::Factor)?;
+        let find = |until: Until<'_>| Predictor::new(problem, solver, u, first, loads, until);
+        let predictor = while_wanted(&mut **progress, self.load, find)?.map_err(Cut::Factor)?;
         let mut part = predictor.range.max(self.settings.smallest_step / increment).min(1.0);
         let (mut force, still) = (vec![0.0; u.len()], vec![0.0; u.len()]);
         let predicted = loop {

@@ -1,6 +1,6 @@
 //! One step of Newton's method: factor of the tangent, step, line search.
 
-use super::listener::Listener;
+use super::listener::while_wanted;
 use super::run::Run;
 use crate::clock::Instant;
 use crate::equilibrium::ending::Cut;
@@ -55,9 +55,11 @@ impl Run<'_> {
     pub(super) fn find_instability(&mut self) -> Result<Option<usize>, Cut> {
         let clock = Instant::now();
         self.factorizations += 1;
-        let found = self.solver.find_instability(&self.tangent).map_err(Cut::Factor);
+        let Run { progress, load, solver, tangent, .. } = self;
+        let find = |until: Until<'_>| solver.find_instability(tangent, until);
+        let found = while_wanted(&mut **progress, *load, find);
         self.seconds.factorization += clock.elapsed().as_secs_f64();
-        found
+        found?.map_err(Cut::Factor)
     }
 
     /// Shifts the tangent further, after conjugate gradients met a direction of negative curvature; `last` is the shift of
@@ -114,11 +116,11 @@ impl Run<'_> {
             .collect();
         let (mut free, mut change) = (vec![0.0; u.len()], Vec::new());
         let (problem, solver) = (self.problem, &mut self.solver);
-        let listener = Listener::new(&mut *self.progress, self.load);
-        let until = Until { deadline: None, is_wanted: &|| listener.is_wanted() };
-        let solved = if problem.pressure.is_empty() {
-            solver.solve_until(&mut rhs, &constraint_residual, &mut free, &mut change, until)
-        } else {
+        let find = |until: Until<'_>| {
+            if problem.pressure.is_empty() {
+                let (b, c) = (&mut rhs, &constraint_residual);
+                return solver.solve_until(b, c, &mut free, &mut change, until);
+            }
             let skew = |x: &[f64]| {
                 let mut force = vec![0.0; u.len()];
                 problem.pressure.add_skew(problem.body, u, load, x, &mut force);
@@ -128,10 +130,7 @@ impl Run<'_> {
             rhs.iter_mut().zip(skew(&step)).for_each(|(b, s)| *b -= s);
             skew::solve(solver, skew, &mut rhs, &constraint_residual, &mut free, &mut change, until)
         };
-        if listener.is_stopped() {
-            return Err(Cut::Cancelled);
-        }
-        let solved = solved.map_err(Cut::Factor)?;
+        let solved = while_wanted(&mut *self.progress, self.load, find)?.map_err(Cut::Factor)?;
         self.linear_iterations += solved.iterations;
         self.spent += solved.iterations;
         self.unfinished += usize::from(!solved.is_complete && solved.indefinite.is_none());

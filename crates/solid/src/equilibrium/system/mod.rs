@@ -247,7 +247,11 @@ impl ConstrainedSystem {
     ///
     /// # Errors
     /// Those of [`prepare`](Self::prepare) and [`solve`](Self::solve), but for a pivot, which is the answer.
-    pub fn find_instability(&mut self, tangent: &Tangent) -> Result<Option<usize>, FactorError> {
+    pub fn find_instability(
+        &mut self,
+        tangent: &Tangent,
+        until: Until<'_>,
+    ) -> Result<Option<usize>, FactorError> {
         match self.prepare(tangent, 0.0) {
             Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row }) => {
                 return Ok(Some(row));
@@ -260,7 +264,7 @@ impl ConstrainedSystem {
         let mut step = vec![0.0; self.is_held.len()];
         let (mut load, mut forces) = (random_load(step.len()), Vec::new());
         let still = self.border.zeros();
-        Ok(self.solve(&mut load, &still, &mut step, &mut forces, None)?.indefinite)
+        Ok(self.solve_until(&mut load, &still, &mut step, &mut forces, until)?.indefinite)
     }
 
     /// Solves for the step `s` (held degrees of freedom stay zero) and the change of the patch forces, `b` being
@@ -349,11 +353,16 @@ impl ConstrainedSystem {
 
     /// Whether conjugate gradients meet no negative curvature on the way to a residual of `tolerance` for this force,
     /// which should hold something of every motion; none if they did not get there.
-    pub fn is_definite_along(&mut self, force: &[f64], tolerance: f64) -> Option<bool> {
+    pub fn is_definite_along(
+        &mut self,
+        force: &[f64],
+        tolerance: f64,
+        until: Until<'_>,
+    ) -> Option<bool> {
         let Solver::Iterative(iterative) = &mut self.solver else { return None };
         let mut b: Vec<f64> = force.to_vec();
         b.iter_mut().zip(&self.is_held).for_each(|(b, &held)| *b = if held { 0.0 } else { *b });
-        let solved = iterative.probe(&b, tolerance).ok()?;
+        let solved = iterative.probe(&b, tolerance, until).ok()?;
         (solved.is_complete || solved.indefinite.is_some()).then_some(solved.indefinite.is_none())
     }
 

@@ -169,11 +169,16 @@ impl Numbered {
     }
 
     /// Solves for a force to another tolerance, for what that tells of the tangent.
-    pub fn probe(&mut self, force: &[f64], tolerance: f64) -> Result<Solved, FactorError> {
+    pub fn probe(
+        &mut self,
+        force: &[f64],
+        tolerance: f64,
+        until: Until<'_>,
+    ) -> Result<Solved, FactorError> {
         let usual = self.iterative.set_tolerance(tolerance);
         let still = self.border.zeros();
         let mut step = vec![0.0; force.len()];
-        let solved = self.solve(force, &still, &mut step, &mut Vec::new(), Until::time(None));
+        let solved = self.solve(force, &still, &mut step, &mut Vec::new(), until);
         self.iterative.set_tolerance(usual);
         solved
     }
