@@ -129,7 +129,8 @@ void viscera_frame_identity(viscera_frame *frame);
  * model meanwhile. */
 int32_t viscera_set_frame(viscera_model *model, const viscera_frame *frame);
 
-/* REAL TIME. The touchable point at rest closest to `point`, and its distance; either output may be null. */
+/* REAL TIME. The touchable point at rest closest to `point`, and its distance; either output may be null. With any
+ * status but VISCERA_OK nothing is written. */
 int32_t viscera_locate(const viscera_model *model, const double point[3], double contact_point[3], double *distance);
 
 /* REAL TIME. The answer to a touch. With VISCERA_OK the force is trusted. With VISCERA_BEYOND_DEPTH and
@@ -292,7 +293,8 @@ int32_t viscera_probe_tolerate(viscera_probe *probe, double tolerance);
  * - VISCERA_BEYOND_DEPTH: the probe has entered deeper than the model serves; the force is that at the largest depth.
  * - VISCERA_OFF_SURFACE: the probe is free, or beyond the end of the touchable surface.
  * - VISCERA_INSIDE: the probe came into the organ in one step. There is no force until it has been outside.
- * - VISCERA_NOT_FINITE: the place is not a number; the probe stays where it was, and its touch is over. */
+ * - VISCERA_NOT_FINITE: the place is not a number; the probe stays where it was, and its touch is over. Or what it feels
+ *   overflows in the caller's units. */
 int32_t viscera_probe_place(viscera_probe *probe, const double center[3], viscera_felt *felt);
 
 /* REAL TIME. Draws the probe by its coupling towards a device, `dt` seconds after the last step. The probe goes where

@@ -52,6 +52,12 @@ impl Answer {
         shape_error_estimate: 1.0,
         contact_point: [0.0; 3],
     };
+
+    /// Whether nothing has overflowed in the caller's units.
+    fn is_finite(&self) -> bool {
+        let Answer { force, stiffness, contact_point, .. } = self;
+        [&force[..], stiffness.as_flattened(), contact_point].iter().all(|part| all_finite(part))
+    }
 }
 
 impl Model {
@@ -131,7 +137,11 @@ impl Model {
             shape_error_estimate: response.shape_error_estimate,
             contact_point: frame.point_out(contact.point),
         };
-        Ok((answer, status_of(response.trust)))
+        if answer.is_finite() {
+            Ok((answer, status_of(response.trust)))
+        } else {
+            Err(status::NOT_FINITE)
+        }
     }
 
     fn energy(
@@ -190,16 +200,19 @@ impl Model {
             let placed = self.frame.point_out(moved);
             (0..3).for_each(|i| x[i] = placed[i] as f32);
         }
-        status
+        finite_or_zero(status, out)
     }
 }
 
 /// Zero in place of numbers that are not finite, and its status.
-pub(crate) fn finite_or_zero(status: viscera_status, out: &mut [f32]) -> viscera_status {
-    if out.iter().all(|u| u.is_finite()) {
+pub(crate) fn finite_or_zero<T: Copy + Default + Into<f64>>(
+    status: viscera_status,
+    out: &mut [T],
+) -> viscera_status {
+    if out.iter().all(|&x| x.into().is_finite()) {
         return status;
     }
-    out.fill(0.0);
+    out.fill(T::default());
     status::NOT_FINITE
 }
 
@@ -274,9 +287,14 @@ pub unsafe extern "C" fn viscera_locate(
     let Some(contact) = model.reduced.locate(model.frame.point_in(point)) else {
         return status::NOT_FINITE;
     };
+    let found = model.frame.point_out(contact.point);
+    let away = contact.distance / model.frame.metres_per_unit;
+    if !(all_finite(&found) && away.is_finite()) {
+        return status::NOT_FINITE;
+    }
     unsafe {
-        put(contact_point.cast::<[f64; 3]>(), model.frame.point_out(contact.point));
-        put(distance, contact.distance / model.frame.metres_per_unit);
+        put(contact_point.cast::<[f64; 3]>(), found);
+        put(distance, away);
     }
     status::OK
 }

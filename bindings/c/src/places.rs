@@ -1,7 +1,7 @@
 //! Places inside the organ, whose displacement a touch tells.
 
 use crate::load::write_message;
-use crate::model::{Model, status_of};
+use crate::model::{Model, finite_or_zero, status_of};
 use crate::status::{self, viscera_status};
 use crate::{put, vector};
 use std::ffi::c_char;
@@ -25,7 +25,7 @@ impl Places {
     ) -> viscera_status {
         let frame = &model.frame;
         let d = frame.length_in(displacement);
-        let mut status = match model.touch(frame.point_in(point), d) {
+        let status = match model.touch(frame.point_in(point), d) {
             Ok((contact, response)) => {
                 model.reduced.move_places(&mut self.inside, &contact, d, out);
                 status_of(response.shape_trust)
@@ -36,11 +36,7 @@ impl Places {
             }
         };
         out.iter_mut().for_each(|u| *u = frame.length_out(*u));
-        if !out.as_flattened().iter().all(|u| u.is_finite()) {
-            out.fill([0.0; 3]);
-            status = status::NOT_FINITE;
-        }
-        status
+        finite_or_zero(status, out.as_flattened_mut())
     }
 }
 

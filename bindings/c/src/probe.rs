@@ -3,7 +3,7 @@
 use crate::load::write_message;
 use crate::model::{Model, status_of};
 use crate::status::{self, viscera_status};
-use crate::{put, vector};
+use crate::{all_finite, put, vector};
 use std::ffi::c_char;
 use viscera_touch::{Coupling, Grip, TOLERANCE};
 
@@ -47,6 +47,12 @@ impl Felt {
         shape_error_estimate: 1.0,
         grip: PROBE_FREE as i64,
     };
+
+    /// Whether nothing has overflowed in the caller's units.
+    fn is_finite(&self) -> bool {
+        let vectors = [self.force, self.torque, self.center, self.contact_point, self.displacement];
+        all_finite(vectors.as_flattened()) && self.gap.is_finite()
+    }
 }
 
 impl Probe {
@@ -93,7 +99,7 @@ impl Felt {
             shape_error_estimate: felt.shape_error_estimate,
             grip: i64::from(grip),
         };
-        (told, status)
+        if told.is_finite() { (told, status) } else { (Felt::NONE, status::NOT_FINITE) }
     }
 }
 

@@ -184,6 +184,28 @@ static void training(const viscera_hands *trained) {
     viscera_held_free(atomic_load(&newest));
 }
 
+/* In units so small that forces overflow, none of them is infinite. */
+static void overflowing(viscera_model *model) {
+    viscera_frame frame;
+    viscera_grasp *grasp = NULL;
+    viscera_held *held = NULL;
+    double forces[6] = {0, 0, 1, 0, 0, 1}, stiffness[36];
+    viscera_frame_identity(&frame);
+    frame.newtons_per_unit = 1e-310;
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_OK);
+    viscera_hands *hands = hands_with(model, 0);
+    frame.newtons_per_unit = 1;
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_OK);
+    EXPECT(viscera_grasp_new(hands, LEFT_AND_RIGHT, 2, NULL, NULL, &grasp, message, sizeof message) == VISCERA_OK);
+    EXPECT(viscera_held_new(grasp, &held, message, sizeof message) == VISCERA_OK);
+    EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, VISCERA_WITH_STIFFNESS, 0, held) == VISCERA_OK);
+    EXPECT(viscera_held_forces(held, forces, 6) == VISCERA_NOT_FINITE && forces[2] == 0);
+    EXPECT(viscera_held_stiffness(held, stiffness, 36) == VISCERA_NOT_FINITE && stiffness[14] == 0);
+    viscera_held_free(held);
+    viscera_grasp_free(grasp);
+    viscera_hands_free(hands);
+}
+
 /* A grasp writes into no memory of another, whose verdict and frame it would take. */
 static void strangers(viscera_hands *hands, viscera_grasp *grasp) {
     viscera_grasp *other = NULL;
@@ -204,6 +226,7 @@ int main(int argc, char **argv) {
     viscera_grasp *grasp = NULL;
     if (argc != 2 || viscera_load_file(argv[1], &model, NULL, 0) != VISCERA_OK) return 2;
     settings(model);
+    overflowing(model);
     viscera_hands *hands = hands_with(model, 0), *trained = hands_with(model, 24);
     viscera_free(model); /* each has a copy */
     grasps(hands, trained);

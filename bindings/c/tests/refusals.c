@@ -275,6 +275,44 @@ static void settings(viscera_model *model) {
     for (int32_t status = -1; status <= VISCERA_INSIDE + 1; status++) EXPECT(strlen(viscera_status_text(status)) > 5);
 }
 
+/* In units so small that what is told in them overflows, no infinite force is trusted. */
+static void overflowing(viscera_model *model) {
+    const double far[3] = {0.5, 0.1, 1e3}, none[3] = {0, 0, 0}, push[3] = {0, 0, -0.001};
+    double top[3];
+    int32_t status;
+    viscera_info_t info;
+    viscera_frame frame;
+    viscera_answer answer;
+    viscera_probe *probe = NULL;
+    viscera_probes *group = NULL;
+    viscera_felt felt;
+    viscera_info(model, &info);
+    viscera_locate(model, far, top, NULL);
+    viscera_frame_identity(&frame);
+    frame.newtons_per_unit = 1e-310;
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_OK);
+    EXPECT(viscera_evaluate(model, top, push, &answer) == VISCERA_NOT_FINITE);
+    EXPECT(answer.force[2] == 0 && answer.stiffness[8] == 0 && answer.error_estimate == 1);
+    EXPECT(viscera_evaluate(model, top, none, &answer) == VISCERA_NOT_FINITE && answer.stiffness[8] == 0);
+    EXPECT(viscera_probe_new(model, info.radius, 0.2, &probe, NULL, 0) == VISCERA_OK);
+    EXPECT(viscera_probes_new(&probe, 1, &group, NULL, 0) == VISCERA_OK);
+    const double above[3] = {top[0], top[1], top[2] + 1.1 * info.radius};
+    const double pressed[3] = {top[0], top[1], top[2] + 0.95 * info.radius};
+    EXPECT(viscera_probe_place(probe, above, &felt) == VISCERA_OFF_SURFACE);
+    EXPECT(viscera_probe_place(probe, pressed, &felt) == VISCERA_NOT_FINITE);
+    EXPECT(felt.force[2] == 0 && felt.error_estimate == 1 && felt.grip == VISCERA_PROBE_FREE);
+    EXPECT(viscera_probes_place(group, pressed, &felt, &status) == VISCERA_OK);
+    EXPECT(status == VISCERA_NOT_FINITE && felt.force[2] == 0);
+    viscera_probes_free(group);
+    viscera_probe_free(probe);
+    frame.newtons_per_unit = 1;
+    frame.metres_per_unit = 1e-310;
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_OK);
+    EXPECT(viscera_locate(model, none, top, NULL) == VISCERA_NOT_FINITE);
+    frame.metres_per_unit = 1;
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_OK);
+}
+
 static void probing(viscera_model *model) {
     const double far[3] = {0.5, 0.1, 1e3}, nowhere[3] = {NAN, 0, 0};
     double top[3];
@@ -331,6 +369,7 @@ int main(int argc, char **argv) {
     looking_inside(model);
     varying(model);
     probing(model);
+    overflowing(model);
     settings(model);
     viscera_free(model);
     printf("%d faults\n", faults);

@@ -2,6 +2,7 @@
 
 use super::free;
 use crate::frame::Frame;
+use crate::model::finite_or_zero;
 use crate::places::Places;
 use crate::put;
 use crate::status::{self, viscera_status};
@@ -173,7 +174,7 @@ pub unsafe extern "C" fn viscera_held_forces(
             for (out, &f) in out.as_chunks_mut::<3>().0.iter_mut().zip(&held.solution.forces) {
                 *out = held.frame.force_out(f);
             }
-            held.status
+            finite_or_zero(held.status, out)
         }
     }
 }
@@ -207,7 +208,7 @@ pub unsafe extern "C" fn viscera_held_stiffness(
         let turned = held.frame.stiffness_out(&block);
         (0..9).for_each(|k| out[(a + k / 3) * n + b + k % 3] = turned[k / 3][k % 3]);
     }
-    held.status
+    finite_or_zero(held.status, out)
 }
 
 /// Displacement of all nodes.
@@ -231,7 +232,7 @@ pub unsafe extern "C" fn viscera_held_field(
                 let nodes = out.as_chunks_mut::<3>().0.iter_mut().enumerate();
                 nodes.for_each(|(node, out)| *out = held.moved(node));
             }
-            held.status
+            finite_or_zero(held.status, out)
         }
     }
 }
@@ -260,7 +261,7 @@ pub unsafe extern "C" fn viscera_held_surface(
                 let x = held.frame.point_out(rest);
                 *out = std::array::from_fn(|i| (x[i] + u[i]) as f32);
             }
-            held.status
+            finite_or_zero(held.status, out)
         }
     }
 }
@@ -290,7 +291,7 @@ pub unsafe extern "C" fn viscera_held_places(
                 let of_node = |node: usize| if node < n { held.moved(node) } else { [0.0; 3] };
                 places.inside.interpolate(of_node, out.as_chunks_mut().0);
             }
-            held.status
+            finite_or_zero(held.status, out)
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Hands;
 use crate::all_finite;
+use crate::model::finite_or_zero;
 use crate::status::{self, viscera_status};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -90,11 +91,7 @@ pub unsafe extern "C" fn viscera_hands_stress(
             frame.stress_out(&std::array::from_fn(|i| std::array::from_fn(|j| s[3 * i + j])));
         *out = std::array::from_fn(|k| turned[k / 3][k % 3]);
     }
-    if all_finite(out) {
-        return status::OK;
-    }
-    out.fill(0.0);
-    status::NOT_FINITE
+    finite_or_zero(status::OK, out)
 }
 
 /// `sqrt(3/2 s : s)` with the deviator `s` of each stress.
