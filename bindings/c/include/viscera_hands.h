@@ -126,7 +126,9 @@ void viscera_held_free(viscera_held *held);
 int32_t viscera_grasp_solve(viscera_grasp *grasp, const double *displacements, size_t displacements_len, int32_t asked,
                             double budget, viscera_held *held);
 
-/* REAL TIME. Reads an answer; each returns its status. Without an answer the numbers are zero. Lengths count numbers.
+/* REAL TIME. Reads an answer; each returns the status of the last viscera_grasp_solve, also of one that was refused, and
+ * VISCERA_NOT_CONVERGED before the first. Without an answer the numbers are zero. With VISCERA_NOT_FINITE they may also
+ * have overflowed in the caller's units. Lengths count numbers.
  * - forces: of each tool on the organ, three doubles for each contact.
  * - stiffness: derivative of the forces with respect to the displacements, row by row, (3 contacts)^2 doubles; with
  *   VISCERA_BAD_SETTING it was not asked for.

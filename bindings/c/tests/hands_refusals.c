@@ -82,6 +82,30 @@ static void grasps(const viscera_hands *hands, const viscera_hands *trained) {
     EXPECT(grasp == NULL && strstr(message, "stopped") && atomic_load(&left) < 0);
 }
 
+/* A search that is refused leaves no answer, and every reader says why. */
+static void reads(const viscera_held *held, int32_t expected) {
+    double forces[6] = {1, 1, 1, 1, 1, 1}, stiffness[36], error = 0;
+    viscera_search search;
+    EXPECT(viscera_held_forces(held, forces, 6) == expected && forces[2] == 0);
+    EXPECT(viscera_held_stiffness(held, stiffness, 36) == expected && stiffness[14] == 0);
+    EXPECT(viscera_held_search(held, &search) == expected && search.energy == 0);
+    EXPECT(viscera_held_assess(held, &error) == expected && error == 1);
+}
+
+/* A guard that is fed with the status of the forces lets the hand go when a search is refused. */
+static void guarded(viscera_grasp *grasp, viscera_held *held) {
+    const double none[6] = {NAN, 0, 0, 0, 0, 0};
+    double forces[6];
+    viscera_guard guard;
+    viscera_guard_init(&guard, 100, 1e6, 0.02, 0.1);
+    EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, 0, 0, held) == VISCERA_OK);
+    int32_t status = viscera_held_forces(held, forces, 6);
+    EXPECT(viscera_guard_step(&guard, forces, status, 1e-3, NULL) == VISCERA_GUARD_FOLLOWS && guard.force[2] < 0);
+    viscera_grasp_solve(grasp, none, 6, VISCERA_FROM_LAST, 0, held);
+    status = viscera_held_forces(held, forces, 6);
+    EXPECT(viscera_guard_step(&guard, forces, status, 1e-3, NULL) == VISCERA_GUARD_FADES);
+}
+
 static void answers(viscera_grasp *grasp) {
     viscera_held *held = NULL;
     double forces[6], stiffness[36], error = 0, far[6] = {0, 0, -0.2, 0, 0, -0.2}, deep[6] = {0, 0, -0.06, 0, 0, 0.06}, wrong[6] = {NAN, 0, 0, 0, 0, 0};
@@ -92,19 +116,22 @@ static void answers(viscera_grasp *grasp) {
     EXPECT(viscera_held_new(grasp, NULL, message, sizeof message) == VISCERA_NULL_POINTER);
     EXPECT(viscera_held_new(grasp, &held, message, sizeof message) == VISCERA_OK);
 
-    EXPECT(viscera_held_forces(held, forces, 6) == VISCERA_NOT_CONVERGED && forces[2] == 0);
-    EXPECT(viscera_held_assess(held, &error) == VISCERA_NOT_CONVERGED && error == 1);
+    reads(held, VISCERA_NOT_CONVERGED);
     EXPECT(viscera_held_assess(NULL, &error) == VISCERA_NULL_POINTER && error == 1);
 
     EXPECT(viscera_grasp_solve(NULL, PUSHES, 6, 0, 0, held) == VISCERA_NULL_POINTER);
+    reads(held, VISCERA_NULL_POINTER);
     EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, 0, 0, NULL) == VISCERA_NULL_POINTER);
     EXPECT(viscera_grasp_solve(grasp, NULL, 6, 0, 0, held) == VISCERA_NULL_POINTER);
     EXPECT(viscera_grasp_solve(grasp, PUSHES, 5, 0, 0, held) == VISCERA_SHORT_BUFFER);
+    reads(held, VISCERA_SHORT_BUFFER);
     EXPECT(viscera_grasp_solve(grasp, wrong, 6, 0, 0, held) == VISCERA_NOT_FINITE);
+    reads(held, VISCERA_NOT_FINITE);
     EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, 4, 0, held) == VISCERA_BAD_SETTING);
     EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, 0, -1, held) == VISCERA_BAD_SETTING);
     EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, 0, NAN, held) == VISCERA_BAD_SETTING);
-    EXPECT(viscera_held_forces(held, forces, 6) == VISCERA_NOT_CONVERGED && forces[2] == 0);
+    reads(held, VISCERA_BAD_SETTING);
+    guarded(grasp, held);
 
     /* An assessment that finds an answer wanting stands until one finds an answer trusted. */
     EXPECT(viscera_grasp_solve(grasp, far, 6, 0, 0, held) != VISCERA_OK);
@@ -214,7 +241,7 @@ static void strangers(viscera_hands *hands, viscera_grasp *grasp) {
     EXPECT(viscera_grasp_new(hands, LEFT_AND_RIGHT, 2, NULL, NULL, &other, message, sizeof message) == VISCERA_OK);
     EXPECT(viscera_held_new(other, &held, message, sizeof message) == VISCERA_OK);
     EXPECT(viscera_grasp_solve(grasp, PUSHES, 6, 0, 0, held) == VISCERA_BAD_SETTING);
-    EXPECT(viscera_held_forces(held, forces, 6) == VISCERA_NOT_CONVERGED && forces[2] == 0);
+    reads(held, VISCERA_BAD_SETTING);
     EXPECT(viscera_grasp_solve(other, PUSHES, 6, 0, 0, held) == VISCERA_OK);
     viscera_grasp_free(other);
     EXPECT(viscera_held_forces(held, forces, 6) == VISCERA_OK && forces[2] != 0);

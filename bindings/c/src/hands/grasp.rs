@@ -67,7 +67,7 @@ impl Grasp {
         Grasp { model, frame, d, has_failed: false, verdict }
     }
 
-    /// The equilibrium under `self.d`, and what is known of its worth.
+    /// The equilibrium under `self.d`; the status is what is known of its worth.
     fn solve(&mut self, asked: Asked, held: &mut Held) -> viscera_status {
         let mut found = self.model.solve_into(&self.d, asked, &mut held.solution);
         if found.is_err() {
@@ -76,11 +76,18 @@ impl Grasp {
             found = self.model.solve_into(&self.d, asked, &mut held.solution);
         }
         let own = if found.is_ok() { held.status_of_search() } else { status::BAD_SETTING };
-        held.status = match own {
+        match own {
             status::OK => self.verdict.load(Ordering::Relaxed),
             doubtful => doubtful,
-        };
-        held.status
+        }
+    }
+
+    /// Takes the caller's displacements of all contacts.
+    fn displace(&mut self, given: &[[f64; 3]]) -> Result<(), viscera_status> {
+        for (d, &given) in self.d.iter_mut().zip(given) {
+            *d = self.frame.length_in(given);
+        }
+        if all_finite(self.d.as_flattened()) { Ok(()) } else { Err(status::NOT_FINITE) }
     }
 
     fn state(&mut self) -> GraspState {
@@ -102,6 +109,17 @@ impl Grasp {
             training: i64::from(training),
         }
     }
+}
+
+/// What is asked of a search by the caller's bits and seconds, 0 for no limit.
+fn asked_of(bits: i32, budget: f64) -> Result<Asked, viscera_status> {
+    if !(budget >= 0.0) || bits & !(FROM_LAST | WITH_STIFFNESS) != 0 {
+        return Err(status::BAD_SETTING);
+    }
+    // One that is too long for a clock is none.
+    let budget = if budget > 0.0 { Duration::try_from_secs_f64(budget).ok() } else { None };
+    let (from_last, with_stiffness) = (bits & FROM_LAST != 0, bits & WITH_STIFFNESS != 0);
+    Ok(Asked { from_last, with_stiffness, budget })
 }
 
 /// The contacts [m].
@@ -217,7 +235,35 @@ pub unsafe extern "C" fn viscera_grasp_add_snapshot(
     unsafe { tell(work, message, message_len) }
 }
 
-/// The equilibrium under displacements of all contacts.
+/// The equilibrium under displacements of all contacts, or the status of a search that is refused.
+///
+/// # Safety
+/// `grasp` is null or made, `displacements` null or readable for its length.
+unsafe fn search(
+    grasp: *mut Grasp,
+    displacements: *const f64,
+    displacements_len: usize,
+    asked: Result<Asked, viscera_status>,
+    held: &mut Held,
+) -> Result<viscera_status, viscera_status> {
+    // SAFETY: the caller's contract.
+    let grasp = unsafe { grasp.as_mut() }.ok_or(status::NULL_POINTER)?;
+    if !held.is_of(&grasp.verdict) {
+        return Err(status::BAD_SETTING);
+    }
+    if displacements.is_null() {
+        return Err(status::NULL_POINTER);
+    }
+    if displacements_len < 3 * grasp.d.len() {
+        return Err(status::SHORT_BUFFER);
+    }
+    // SAFETY: at least as long as what is taken.
+    let given = unsafe { std::slice::from_raw_parts(displacements.cast(), grasp.d.len()) };
+    grasp.displace(given)?;
+    Ok(grasp.solve(asked?, held))
+}
+
+/// Searches; what is read of `held` afterwards has the same status.
 ///
 /// # Safety
 /// `grasp` is null or made, `displacements` null or readable for its length, `held` null or made.
@@ -231,35 +277,12 @@ pub unsafe extern "C" fn viscera_grasp_solve(
     held: *mut Held,
 ) -> viscera_status {
     // SAFETY: the caller's contract, here and below.
-    let (Some(grasp), Some(held)) = (unsafe { (grasp.as_mut(), held.as_mut()) }) else {
-        return status::NULL_POINTER;
-    };
+    let Some(held) = (unsafe { held.as_mut() }) else { return status::NULL_POINTER };
     held.forget();
-    if !held.is_of(&grasp.verdict) {
-        return status::BAD_SETTING;
-    }
-    if displacements.is_null() {
-        return status::NULL_POINTER;
-    }
-    if displacements_len < 3 * grasp.d.len() {
-        return status::SHORT_BUFFER;
-    }
-    let given = displacements.cast::<[f64; 3]>();
-    // SAFETY: at least as long as what is taken.
-    let given = unsafe { std::slice::from_raw_parts(given, grasp.d.len()) };
-    for (d, &given) in grasp.d.iter_mut().zip(given) {
-        *d = grasp.frame.length_in(given);
-    }
-    if !all_finite(grasp.d.as_flattened()) {
-        return status::NOT_FINITE;
-    }
-    if !(budget >= 0.0) || asked & !(FROM_LAST | WITH_STIFFNESS) != 0 {
-        return status::BAD_SETTING;
-    }
-    // One that is too long for a clock is none.
-    let budget = if budget > 0.0 { Duration::try_from_secs_f64(budget).ok() } else { None };
-    let (from_last, with_stiffness) = (asked & FROM_LAST != 0, asked & WITH_STIFFNESS != 0);
-    grasp.solve(Asked { from_last, with_stiffness, budget }, held)
+    let asked = asked_of(asked, budget);
+    let found = unsafe { search(grasp, displacements, displacements_len, asked, held) };
+    held.status = found.unwrap_or_else(|refusal| refusal);
+    held.status
 }
 
 /// Room for an answer.

@@ -14,7 +14,7 @@ use viscera_galerkin::{ReducedStatus, Solution, Trust};
 /// `viscera_held`, opaque to C.
 pub struct Held {
     pub(super) solution: Solution,
-    /// Of the last search.
+    /// Of the last search, also of one that was refused; not converged before the first.
     pub(super) status: viscera_status,
     frame: Frame,
     /// Shared with the grasp.
@@ -45,7 +45,6 @@ impl Held {
     pub(super) fn forget(&mut self) {
         self.solution.forces.clear();
         self.solution.stiffness.clear();
-        self.status = status::NOT_CONVERGED;
     }
 
     /// Whether it was made for the grasp with this verdict, whose size and frame it has.
@@ -73,7 +72,7 @@ impl Held {
     /// The estimated error, and what the answer is worth.
     fn assess(&self) -> (f64, viscera_status) {
         if !self.has_answer() {
-            return (1.0, status::NOT_CONVERGED);
+            return (1.0, self.status);
         }
         match self.solution.assess() {
             Ok(assessment) => (assessment.error(), status_of(assessment.trust)),
