@@ -105,7 +105,8 @@ void viscera_grasp_free(viscera_grasp *grasp);
 int32_t viscera_grasp_progress(viscera_grasp *grasp, viscera_grasp_state *state);
 
 /* Compares the last answer with the nearest equilibrium of the whole organ and adds a snapshot if they differ; `added`,
- * which may be null, is then 1. A grasp in the background does so by itself, and refuses. */
+ * which may be null, is then 1: solve again. Without a new answer nothing more is added. A grasp in the background does
+ * so by itself, and refuses. */
 int32_t viscera_grasp_add_snapshot(viscera_grasp *grasp, int32_t *added, char *message, size_t message_len);
 
 /* Memory for an answer of this grasp, and of no other; it may outlive the grasp. It is used by one thread at a time. */

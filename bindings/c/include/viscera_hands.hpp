@@ -83,7 +83,7 @@ public:
         return told;
     }
 
-    /// Whether the last answer was wrong, so that there is a snapshot more.
+    /// Whether the last answer was wrong, so that there is a snapshot more: solve again, then ask again.
     bool add_snapshot() {
         int32_t added = 0;
         char message[256] = "";
