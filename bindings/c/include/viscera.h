@@ -111,8 +111,9 @@ uint32_t viscera_abi_version(void);
 const char *viscera_status_text(int32_t status);
 
 /* Reads a model from the bytes of a *.viscera file (they are copied) or from the file itself. On failure *model is
- * null and `message`, which may be null, says why in one sentence. Damaged files are refused. After VISCERA_OK the
- * message is empty, or warns that a file of format version 1 has no checksums that would show damage. */
+ * null and `message`, which may be null, says why in one sentence. If path and reason do not fit in the message, the
+ * path loses its beginning. Damaged files are refused. After VISCERA_OK the message is empty, or warns that a file of
+ * format version 1 has no checksums that would show damage. */
 int32_t viscera_load(const uint8_t *bytes, size_t len, viscera_model **model, char *message, size_t message_len);
 int32_t viscera_load_file(const char *path, viscera_model **model, char *message, size_t message_len);
 

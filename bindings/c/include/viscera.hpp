@@ -22,6 +22,9 @@ public:
     const int32_t status;
 };
 
+/// Room for the sentence of a refusal.
+using Message = char[1024];
+
 /// How many points there are in a list of three numbers each.
 inline size_t triples(const std::vector<double> &points) {
     if (points.size() % 3 == 0) return points.size() / 3;
@@ -34,7 +37,7 @@ class Model {
 public:
     explicit Model(const std::string &path) {
         viscera_model *loaded = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_load_file(path.c_str(), &loaded, message, sizeof message);
         handle.reset(loaded);
         if (status != VISCERA_OK) throw Error(status, message);
@@ -97,7 +100,7 @@ public:
 
     /// Not in a loop, and while nobody else uses the model.
     void set_parameter(double value) {
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_set_parameter(handle.get(), value, message, sizeof message);
         if (status != VISCERA_OK) throw Error(status, message);
     }
@@ -105,7 +108,7 @@ public:
     /// With the frame and the value of the parameter; places and probes stay with the first.
     Model copy() const {
         viscera_model *copied = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_copy(get(), &copied, message, sizeof message);
         if (status != VISCERA_OK) throw Error(status, message);
         return Model(copied);
@@ -125,7 +128,7 @@ public:
     /// Of points of the organ before a touch, three numbers each.
     Places(const Model &model, const std::vector<double> &points) : count(triples(points)) {
         viscera_places *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_places_at(model.get(), points.data(), count, &made, message, sizeof message);
         take(made, status, message);
     }
@@ -133,7 +136,7 @@ public:
     /// Of nodes.
     Places(const Model &model, const std::vector<uint32_t> &nodes) : count(nodes.size()) {
         viscera_places *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status =
             viscera_places_of_nodes(model.get(), nodes.data(), count, &made, message, sizeof message);
         take(made, status, message);
@@ -165,7 +168,7 @@ class Probe {
 public:
     Probe(const Model &model, double radius, double friction) {
         viscera_probe *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_probe_new(model.get(), radius, friction, &made, message, sizeof message);
         handle.reset(made);
         if (status != VISCERA_OK) throw Error(status, message);
@@ -202,7 +205,7 @@ public:
         std::vector<viscera_probe *> each;
         for (const Probe *probe : probes) each.push_back(probe ? probe->get() : nullptr);
         viscera_probes *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t told = viscera_probes_new(each.data(), each.size(), &made, message, sizeof message);
         handle.reset(made);
         if (told != VISCERA_OK) throw Error(told, message);

@@ -35,7 +35,7 @@ public:
 private:
     void make(const Model &model, const viscera_sampling &sampling) {
         viscera_hands *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_hands_new(model.get(), &sampling, &made, message, sizeof message);
         handle.reset(made);
         if (status != VISCERA_OK) throw Error(status, message);
@@ -55,7 +55,7 @@ public:
     /// does an exception, which is thrown again from here.
     Grasp(const Hands &hands, const std::vector<double> &points, std::function<bool()> go_on = nullptr) {
         viscera_grasp *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         Question question(go_on);
         const int32_t status = viscera_grasp_new(hands.get(), points.data(), triples(points), go_on ? ask : nullptr,
                                                  &question, &made, message, sizeof message);
@@ -68,7 +68,7 @@ public:
     static Grasp in_background(const Hands &hands, const std::vector<double> &points) {
         Grasp grasp;
         viscera_grasp *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_grasp_in_background(hands.get(), points.data(), triples(points), &made, message,
                                                            sizeof message);
         grasp.take(made, status, message);
@@ -86,7 +86,7 @@ public:
     /// Whether the last answer was wrong, so that there is a snapshot more: solve again, then ask again.
     bool add_snapshot() {
         int32_t added = 0;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_grasp_add_snapshot(get(), &added, message, sizeof message);
         if (status != VISCERA_OK) throw Error(status, message);
         return added != 0;
@@ -129,7 +129,7 @@ class Held {
 public:
     explicit Held(const Grasp &grasp) {
         viscera_held *made = nullptr;
-        char message[256] = "";
+        Message message = "";
         const int32_t status = viscera_held_new(grasp.get(), &made, message, sizeof message);
         handle.reset(made);
         if (status != VISCERA_OK) throw Error(status, message);

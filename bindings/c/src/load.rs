@@ -4,7 +4,7 @@ use crate::model::Model;
 use crate::status::{self, viscera_status};
 use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Reads a model from the bytes of its file.
 ///
@@ -48,8 +48,9 @@ pub unsafe extern "C" fn viscera_load_file(
         }
         // SAFETY: not null, a C string by the caller's contract.
         let path = path_of(unsafe { CStr::from_ptr(path) })?;
-        let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        Model::from_bytes(&bytes).map_err(|sentence| format!("{}: {sentence}", path.display()))
+        let bytes = std::fs::read(&path).map_err(|e| e.to_string());
+        let model = bytes.and_then(|bytes| Model::from_bytes(&bytes));
+        model.map_err(|why| of(&path, &why, message_len))
     };
     let null = if path.is_null() { status::NULL_POINTER } else { status::BAD_MODEL };
     // SAFETY: the caller's contract.
@@ -110,6 +111,22 @@ unsafe fn finish(
     };
     unsafe { write_message(&sentence, message, message_len) };
     status
+}
+
+/// What is wrong with a file, in a message of so many bytes: `path: why`. If they do not fit, the path loses its beginning,
+/// since the reason and the name of the file say more.
+fn of(path: &Path, why: &str, message_len: usize) -> String {
+    const CUT: &str = "...";
+    let (path, why) = (path.display().to_string(), format!(": {why}"));
+    let room = message_len.saturating_sub(why.len() + 1); // one byte ends the message
+    if path.len() <= room {
+        return path + &why;
+    }
+    let mut start = path.len() - room.saturating_sub(CUT.len());
+    while !path.is_char_boundary(start) {
+        start += 1;
+    }
+    format!("{CUT}{}{why}", &path[start..])
 }
 
 /// Writes a sentence as a C string, cut at a whole character if the buffer is short.

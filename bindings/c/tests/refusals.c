@@ -59,6 +59,17 @@ static void loading(const char *path) {
     EXPECT(viscera_load_file(NULL, &model, NULL, 0) == VISCERA_NULL_POINTER);
     EXPECT(viscera_load_file("nowhere.viscera", &model, message, sizeof message) == VISCERA_BAD_MODEL);
     EXPECT(strstr(message, "nowhere.viscera") != NULL);
+    /* A long path loses its beginning, so that the reason and the name of the file are there. */
+    char deep[600], reason[200];
+    snprintf(reason, sizeof reason, "%s", strchr(message, ':'));
+    memset(deep, 'x', sizeof deep);
+    for (size_t k = 0; k < sizeof deep; k += 3) memcpy(deep + k, "\xc3\xa9/", 3); /* an e with an accent */
+    strcpy(deep + sizeof deep - 17, "/nowhere.viscera");
+    EXPECT(viscera_load_file(deep, &model, message, sizeof message) == VISCERA_BAD_MODEL);
+    EXPECT(strlen(message) > sizeof message - 4 && strncmp(message, "...", 3) == 0 && (uint8_t)message[3] != 0xa9);
+    EXPECT(strstr(message, "/nowhere.viscera: ") != NULL && strstr(message, reason) != NULL);
+    EXPECT(viscera_load_file(deep, &model, small, sizeof small) == VISCERA_BAD_MODEL);
+    EXPECT(strncmp(small, "...: ", 5) == 0 && strlen(small) == sizeof small - 1);
     EXPECT(viscera_load(bytes, len, &model, message, sizeof message) == VISCERA_OK);
     EXPECT(model != NULL && message[0] == 0);
     viscera_free(model);

@@ -25,6 +25,8 @@ int main(int argc, char **argv) {
     if (model.surface(felt.contact_point, felt.displacement, workspace, positions) != VISCERA_OK) return 4;
 
     if (!throws([] { viscera::Model("nowhere.viscera"); }, "nowhere.viscera")) return 5;
+    const std::string deep = std::string(600, 'x') + "/nowhere.viscera";
+    if (!throws([&] { viscera::Model model(deep); }, (deep + ": ").c_str())) return 13;
     if (!throws([&] { viscera::Probe(model, 0.1 * info.radius, 0.3); }, "radius of a probe")) return 6;
     if (!throws([&] { probe.couple(-1, 0); }, "setting")) return 7;
 
