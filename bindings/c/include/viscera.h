@@ -36,7 +36,7 @@ enum viscera_status {
     VISCERA_NULL_POINTER = 5,
     VISCERA_SHORT_BUFFER = 6,
     VISCERA_BAD_MODEL = 7,       /* the file cannot be read, or file or bytes hold no usable model */
-    VISCERA_BAD_SETTING = 8,     /* a setting of a frame or a guard is out of its range */
+    VISCERA_BAD_SETTING = 8,     /* a setting is out of the range that is stated where it is set */
     VISCERA_STALE = 9,           /* passed to viscera_guard_step by a loop that has no new answer */
     VISCERA_INSIDE = 10,         /* a probe came into the organ in one step: no force until it is lifted off */
     /* Of several touches (viscera_hands.h); the first four come with an answer that is not trusted. */
@@ -67,8 +67,9 @@ typedef struct viscera_answer {
     double contact_point[3]; /* the touched point of the surface at rest */
 } viscera_answer;
 
-/* The caller's frame: x_mesh [m] = metres_per_unit * rotation * x + translation. The rotation must be orthogonal to
- * within 1e-6; a reflection is allowed, for left-handed engines. */
+/* The caller's frame: x_mesh [m] = metres_per_unit * rotation * x + translation. Both units are above 0 and finite, and
+ * the translation is finite. The rotation is orthogonal to within 1e-6: no entry of rotation * transposed rotation is
+ * farther from the identity. A reflection is allowed, for left-handed engines. */
 typedef struct viscera_frame {
     double metres_per_unit;  /* 0.001 for millimetres */
     double newtons_per_unit; /* 1 for newtons */
@@ -126,8 +127,8 @@ int32_t viscera_info(const viscera_model *model, viscera_info_t *info);
 /* Writes the default frame, which is that of the mesh in SI units. Change what differs, then set it. */
 void viscera_frame_identity(viscera_frame *frame);
 
-/* Sets the frame of all inputs and outputs. With VISCERA_BAD_SETTING the old frame stays. No other call may use the
- * model meanwhile. */
+/* Sets the frame of all inputs and outputs. With VISCERA_BAD_SETTING, for a frame out of the ranges above, the old
+ * one stays. No other call may use the model meanwhile. */
 int32_t viscera_set_frame(viscera_model *model, const viscera_frame *frame);
 
 /* REAL TIME. The touchable point at rest closest to `point`, and its distance; either output may be null. With any
@@ -223,8 +224,8 @@ int32_t viscera_set_parameter(viscera_model *model, double value, char *message,
  * *copy is null. */
 int32_t viscera_copy(const viscera_model *model, viscera_model **copy, char *message, size_t message_len);
 
-/* Sets up a guard without force. All four settings must be positive. After VISCERA_BAD_SETTING the guard never gives a
- * force. */
+/* Sets up a guard without force. All four settings must be above 0 and finite. After VISCERA_BAD_SETTING the guard
+ * never gives a force. */
 int32_t viscera_guard_init(viscera_guard *guard, double force_limit, double rate_limit, double watchdog, double fade);
 
 /* REAL TIME. The force to send to the device, `dt` seconds after the last step; returns an enum viscera_guard_mode.
@@ -238,11 +239,12 @@ int32_t viscera_guard_init(viscera_guard *guard, double force_limit, double rate
 int32_t viscera_guard_step(viscera_guard *guard, const double force_in[3], int32_t status, double dt,
                            double force_out[3]);
 
-/* Makes a guard passive. The guard then counts the energy (force unit times length unit) that the hand puts in and gets
- * back. It pays a debt by damping of at most `damping` (0: none), and lowers the force to zero as the debt approaches
- * `energy_limit`, whatever the rate limit. For a hand that moves by at most m in a step, the debt does not exceed the
- * larger of `energy_limit` and force_limit * m. Without force the debt is forgiven, an `energy_limit` in the time of a
- * fade. After VISCERA_BAD_SETTING the guard never gives a force. */
+/* Makes a guard passive. The guard then counts the energy (force unit times length unit) that the hand puts in and
+ * gets back. It pays a debt by damping of at most `damping` (0: none), and lowers the force to zero as the debt
+ * approaches `energy_limit`, whatever the rate limit. For a hand that moves by at most m in a step, the debt does not
+ * exceed the larger of `energy_limit` and force_limit * m. Without force the debt is forgiven, an `energy_limit` in
+ * the time of a fade. The limit must be above 0, the damping at least 0, both finite; after VISCERA_BAD_SETTING the
+ * guard never gives a force. */
 int32_t viscera_guard_keep_passive(viscera_guard *guard, double energy_limit, double damping);
 
 /* REAL TIME. viscera_guard_step for a tool that has moved by `moved` since the last step, in the frame and the unit of
@@ -271,9 +273,10 @@ typedef struct viscera_felt {
     int64_t grip;            /* an enum viscera_probe_grip */
 } viscera_felt;
 
-/* Makes a probe of 0.8 to 1.25 times the radius of the model's contact patch, with Coulomb's coefficient of friction.
- * The model must be freed after the probe, and viscera_set_frame be called before. On failure *probe is null and
- * `message`, which may be null, says why in one sentence. A probe is used by one thread at a time. */
+/* Makes a probe of 0.8 to 1.25 times the radius of the model's contact patch, with Coulomb's coefficient of
+ * friction, from 0 to 1000. The model must be freed after the probe, and viscera_set_frame be called before. On
+ * failure *probe is null and `message`, which may be null, says why in one sentence. A probe is used by one thread at
+ * a time. */
 int32_t viscera_probe_new(const viscera_model *model, double radius, double friction, viscera_probe **probe,
                           char *message, size_t message_len);
 
@@ -281,11 +284,13 @@ int32_t viscera_probe_new(const viscera_model *model, double radius, double fric
 void viscera_probe_free(viscera_probe *probe);
 
 /* REAL TIME. Puts a spring (force per length) and a damper (force per velocity) between device and probe, for
- * viscera_probe_follow. After VISCERA_BAD_SETTING the old coupling stays; a new probe has none. */
+ * viscera_probe_follow. The stiffness must be above 0, the damping at least 0, both finite. After VISCERA_BAD_SETTING
+ * the old coupling stays; a new probe has none. */
 int32_t viscera_probe_couple(viscera_probe *probe, double stiffness, double damping);
 
-/* REAL TIME. Sets the largest estimated error of a trusted force, relative to its norm, above 0 and at most 1: that of a
- * contact as wide as the mesh can show. A smaller one has a larger relative error, and a smaller one in newtons. */
+/* REAL TIME. Sets the largest estimated error of a trusted force, relative to its norm, above 0 and at most 1: that
+ * of a contact as wide as the mesh can show. A smaller one has a larger relative error, and a smaller one in newtons.
+ * After VISCERA_BAD_SETTING the old tolerance stays. */
 int32_t viscera_probe_tolerate(viscera_probe *probe, double tolerance);
 
 /* REAL TIME. Puts the centre of the sphere at a place, and tells what it feels there. The status is for

@@ -5,6 +5,7 @@
 #ifndef VISCERA_HPP
 #define VISCERA_HPP
 
+#include <cstdio>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -24,6 +25,18 @@ public:
 
 /// Room for the sentence of a refusal.
 using Message = char[1024];
+
+/// Numbers as an `Error` names them: `0.5`, or `(1, 0, 0)`.
+inline std::string named(double number) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%g", number);
+    return text;
+}
+template <size_t Count> std::string named(const double (&numbers)[Count]) {
+    std::string text;
+    for (double number : numbers) text += (text.empty() ? "(" : ", ") + named(number);
+    return text + ")";
+}
 
 /// How many points there are in a list of three numbers each.
 inline size_t triples(const std::vector<double> &points) {
@@ -53,7 +66,11 @@ public:
 
     void set_frame(const viscera_frame &frame) {
         const int32_t status = viscera_set_frame(handle.get(), &frame);
-        if (status != VISCERA_OK) throw Error(status, nullptr);
+        if (status == VISCERA_OK) return;
+        std::string why = "a frame of " + named(frame.metres_per_unit) + " m and " + named(frame.newtons_per_unit);
+        why += " N per unit is refused: both must be above 0 and finite, its rotation " + named(frame.rotation);
+        why += " must be orthogonal to within 1e-6, its translation " + named(frame.translation) + " must be finite";
+        throw Error(status, why.c_str());
     }
 
     /// The workspace of `surface`; make it before the loop.
@@ -174,8 +191,21 @@ public:
         if (status != VISCERA_OK) throw Error(status, message);
     }
 
-    void couple(double stiffness, double damping) { check(viscera_probe_couple(handle.get(), stiffness, damping)); }
-    void tolerate(double tolerance) { check(viscera_probe_tolerate(handle.get(), tolerance)); }
+    void couple(double stiffness, double damping) {
+        const int32_t status = viscera_probe_couple(handle.get(), stiffness, damping);
+        if (status == VISCERA_OK) return;
+        std::string why = "the coupling of a probe has stiffness " + named(stiffness) + " and damping " + named(damping);
+        why += "; the stiffness must be above 0, the damping at least 0, both finite";
+        throw Error(status, why.c_str());
+    }
+
+    void tolerate(double tolerance) {
+        const int32_t status = viscera_probe_tolerate(handle.get(), tolerance);
+        if (status == VISCERA_OK) return;
+        const std::string given = "the tolerance of a probe is " + named(tolerance);
+        throw Error(status, (given + "; it must be above 0 and at most 1").c_str());
+    }
+
     void lift() { viscera_probe_lift(handle.get()); }
 
     int32_t place(const double (&center)[3], viscera_felt &felt) {
@@ -189,9 +219,6 @@ public:
     viscera_probe *get() const { return handle.get(); }
 
 private:
-    static void check(int32_t status) {
-        if (status != VISCERA_OK) throw Error(status, nullptr);
-    }
     struct Free {
         void operator()(viscera_probe *probe) const { viscera_probe_free(probe); }
     };

@@ -28,7 +28,20 @@ int main(int argc, char **argv) {
     const std::string deep = std::string(600, 'x') + "/nowhere.viscera";
     if (!throws([&] { viscera::Model model(deep); }, (deep + ": ").c_str())) return 13;
     if (!throws([&] { viscera::Probe(model, 0.1 * info.radius, 0.3); }, "radius of a probe")) return 6;
-    if (!throws([&] { probe.couple(-1, 0); }, "setting")) return 7;
+    if (!throws([&] { probe.couple(-1, 0); }, "stiffness -1 and damping 0; the stiffness must be above 0")) return 7;
+    if (!throws([&] { probe.couple(1, -1); }, "damping -1; the stiffness must be above 0, the damping at least 0")) return 14;
+    if (!throws([&] { probe.couple(NAN, 1); }, "stiffness nan")) return 15;
+    if (!throws([&] { probe.tolerate(0); }, "tolerance of a probe is 0; it must be above 0 and at most 1")) return 16;
+    viscera_frame frame;
+    viscera_frame_identity(&frame);
+    frame.metres_per_unit = 0;
+    if (!throws([&] { model.set_frame(frame); }, "0 m and 1 N per unit")) return 17;
+    frame.metres_per_unit = 1;
+    frame.rotation[4] = 2;
+    if (!throws([&] { model.set_frame(frame); }, "(1, 0, 0, 0, 2, 0, 0, 0, 1) must be orthogonal")) return 18;
+    frame.rotation[4] = 1;
+    frame.translation[2] = INFINITY;
+    if (!throws([&] { model.set_frame(frame); }, "translation (0, 0, inf) must be finite")) return 19;
 
     // One alone in a group feels what it feels by itself.
     {
