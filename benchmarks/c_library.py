@@ -1,15 +1,17 @@
-"""Sizes of the C library as `make c-library` builds it, and of a program with it:
+"""Sizes of the C libraries as `make c-library` builds them, and of a program with one, in MB of 10^6 bytes:
 
-python benchmarks/c_library.py
+python benchmarks/c_library.py [--write]
 """
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from machine import ROOT, describe
+
 BUILT = ROOT / "target" / "c"
 SOURCES = ROOT / "bindings" / "c"
 
@@ -31,14 +33,24 @@ def program(folder: Path, flags: list[str]) -> int:
         return path.stat().st_size
 
 
-def main() -> None:
-    """Print the table of docs/c-library.md."""
+def table() -> list[str]:
+    """The table of docs/c-library.md."""
     rows = sizes(BUILT)
     rows["haptic.c with libviscera.a"] = program(BUILT, [])
     rows["the same, cc -s"] = program(BUILT, ["-s"])
     rows = {name: rows[name] for name in sorted(rows, key=lambda name: "hands" in name)}
-    for name, size in rows.items():
-        print(f"{name:<28} {size / 1e6:5.2f} MB")
+    return [f"{name:<28} {size / 1e6:5.2f} MB" for name, size in rows.items()]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--write", action="store_true", help="keep it in benchmarks/results")
+    arguments = parser.parse_args()
+    found = "\n".join([describe(), *table()]) + "\n"
+    print(found, end="")
+    if arguments.write:
+        (ROOT / "benchmarks" / "results" / "c_library.txt").write_text(found, encoding="utf-8")
 
 
 if __name__ == "__main__":
