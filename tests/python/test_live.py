@@ -115,6 +115,23 @@ def test_two_hands_and_the_stress_are_those_of_the_full_solution(socket: ClientC
     assert rest[3 * len(nodes) :] == pytest.approx(stress, rel=1e-4, abs=1e-4 * stress.max())
 
 
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
+def test_the_stress_of_a_page_is_that_of_python(element: str, case: Case, tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    case.organ().mesh.write(tmp_path / "bar.vtu")
+    path.write_text(f'element = "{element}"\n{CASE}\n[loads]\ngravity = [0, 0, -3]\ndensity = 500\n')
+    organ = read_case(path).organ()
+    reply = live_case(read_case(path), "Bar").open()
+    reply("")
+    reply('{"stress": true}')
+    frames = [reply("{}") for _ in range(10)]
+    nodes = organ.mesh.surface_nodes
+    stress = organ.solve(gravity=(0, 0, -3), density=500).von_mises("nodes")[nodes]
+    assert isinstance(frames[-1], bytes)
+    shown = np.frombuffer(frames[-1], "<f4")[-len(nodes) :]
+    assert shown == pytest.approx(stress, rel=1e-4, abs=1e-5 * stress.max())
+
+
 def test_letting_go_brings_it_back(socket: ClientConnection) -> None:
     ask(socket, grab=TIP, move=[0.0, 0.0, -0.02])
     for _ in range(5):
