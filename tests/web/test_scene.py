@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -157,6 +158,8 @@ def test_organs_differ_in_colour(page: Viewer) -> None:
     assert np.linalg.norm(lower - upper) > 0.05
     names = page.page.locator("header .organ")
     assert names.all_inner_texts() == ["lower", "upper"]
+    said = page.page.locator("header p").text_content()
+    assert re.match(r"lower, upper; \d+ surface nodes · ", said), "what a screen reader says runs nothing together"
     first, second = names.evaluate_all("(names) => names.map((at) => getComputedStyle(at, '::before').backgroundColor)")
     assert first != second
 

@@ -51,7 +51,8 @@ export class LiveTools {
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);
     const names = organs.map((name, k) => element("span", { class: "organ", style: `--tissue: ${css(tissueOf(k))}` }, name));
-    this.about = element("p", { title: facts.join(" · ") }, ...names, facts.join(" · "), this.news);
+    const named = names.flatMap((name, k) => [name, k + 1 < names.length ? ", " : "; "]);
+    this.about = element("p", { title: facts.join(" · ") }, ...named, facts.join(" · "), this.news);
     this.header = element("header", {}, element("h1", {}, view.title), this.about, corner);
     this.tool = new Segments<Tool>(
       "tool",
