@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import viscera as vs
-from viscera.cases.case import read_case
-from viscera.viewer import Server, export, page
+from viscera.cases.case import Case
+from viscera.viewer import Server, export, page, serve_live
 from viscera.viewer.live import live_case
 from viscera.viewer.surface import surface_model
 
@@ -43,6 +43,26 @@ def tab(browser: Any, server: Server) -> Iterator[Any]:
     opened = browser.new_page(viewport=SMALL)
     yield opened
     opened.close()
+
+
+def test_once_the_stepper_is_gone_no_force_is_a_settled_one(look_at: Look, server: Server, case: Case) -> None:
+    with serve_live(case, "Bar", in_page=False) as running:
+        viewer = look_at(running.url, viewport=SMALL)
+        viewer.call("touch", TOP, (0, 0, -0.01))
+        viewer.page.wait_for_function(
+            "() => viscera.specimens[0].standing === 'sound' && viscera.specimens[0].size > 0"
+        )
+    viewer.page.get_by_text("The connection to the stepper is lost").first.wait_for()
+    assert viewer.call("caption").endswith(" N, not settled.")
+    assert viewer.page.evaluate("() => viscera.specimens[0].standing") == "unsettled"
+    assert not viewer.page.evaluate("() => viscera.told.is_trusted")
+    viewer.page.locator(".specimen.is-unsettled").wait_for()
+    viewer.call("rest")
+    viewer.call("touch", (0.4, 0.05, 0.05), (0, 0, -0.01))
+    viewer.page.evaluate("() => viscera.touchMiddle()")
+    assert viewer.state["held"] is None
+    assert viewer.call("caption") == ""
+    viewer.close()
 
 
 def leb(number: int) -> bytes:
@@ -145,13 +165,10 @@ def test_a_model_beyond_any_browser_is_not_fetched(tab: Any, server: Server) -> 
     tab.get_by_text("the model takes 5.0 GB").wait_for()
 
 
-def test_a_case_beyond_the_memory_is_a_sentence(tab: Any, bar: vs.Mesh, tmp_path: Path) -> None:
-    bar.write(tmp_path / "bar.vtu")
-    material = 'material = {law = "NeoHookean", young = 1e5, poisson = 0.45}'
-    (tmp_path / "bar.toml").write_text(f'mesh = "bar.vtu"\nunits = "m"\nfixed = "root"\n{material}\n')
+def test_a_case_beyond_the_memory_is_a_sentence(tab: Any, case: Case) -> None:
     files = page.stepping_files()
     module = short_of_memory(files["stepper.wasm"], pages=1)
-    case = live_case(read_case(tmp_path / "bar.toml"), "Bar")
-    with Server({**files, "stepper.wasm": module, page.CASE: case.data}) as small:
+    stepped = live_case(case, "Bar")
+    with Server({**files, "stepper.wasm": module, page.CASE: stepped.data}) as small:
         tab.goto(small.url)
         tab.get_by_text("more memory than this browser gives a page").wait_for()

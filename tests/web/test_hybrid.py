@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -80,6 +80,30 @@ def test_without_its_model_the_organ_is_stepped_on(first: Viewer) -> None:
     first.page.wait_for_function(SAYS, arg="could not be loaded: organ.viscera: 404 Not Found")
     first.call("touch", TOP, PUSH)
     first.page.wait_for_function(SETTLED)
+
+
+def test_a_model_that_does_not_arrive_is_named(first: Viewer) -> None:
+    first.page.evaluate("() => arrive(Promise.reject(new TypeError('Failed to fetch')))")
+    first.page.wait_for_function(
+        SAYS,
+        arg="could not be loaded: organ.viscera did not arrive; see that its server runs and is not blocked, "
+        "then reload this page",
+    )
+
+
+def test_without_the_stepper_the_model_comes_alone(browser: Any, touch: vs.Touch, server: Server) -> None:
+    with serve(touch, "Bar", is_hybrid=True) as running:
+        tab = browser.new_page()
+        faults: list[str] = []
+        tab.on("pageerror", lambda error: faults.append(str(error)))
+        tab.context.route("**/stepper.wasm", lambda route: route.abort())
+        tab.goto(running.url)
+        tab.wait_for_function("() => window.viscera?.evaluator", timeout=60_000)
+        said = tab.locator("header p").inner_text()
+        assert " · the organ cannot be stepped by hands: stepper.wasm did not arrive; see that its server runs" in said
+        assert tab.locator(".view").count() == 1
+        assert faults == []
+        tab.context.close()
 
 
 def test_a_link_is_followed_by_the_model_itself(look_at: Look, touch: vs.Touch, server: Server) -> None:

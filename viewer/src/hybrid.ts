@@ -2,8 +2,10 @@
 import { Evaluator } from "./model/evaluator";
 import { load } from "./model/files";
 import { WorkerLink } from "./live/link";
-import { connect, type LiveView } from "./live/live";
+import { connect } from "./live/connect";
+import type { LiveView } from "./live/live";
 import { indices } from "./model/safetensors";
+import { sentenceOf } from "./panels/notice";
 import { View } from "./view/view";
 
 /** The view of the organ that is stepped first, and the model's view once that has taken over. */
@@ -41,7 +43,7 @@ async function takeOver(
     first.dispose();
     return view;
   } catch (error) {
-    first.say(`the reduced model could not be loaded: ${error instanceof Error ? error.message : String(error)}`);
+    first.say(`the reduced model could not be loaded: ${sentenceOf(error)}`);
     throw error;
   }
 }

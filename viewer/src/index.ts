@@ -1,9 +1,10 @@
 // What the page and the notebook load: `open` for a page, the default export for anywidget.
 import { load } from "./model/files";
 import { hybrid } from "./hybrid";
-import { SocketLink, WorkerLink, type Link } from "./live/link";
-import { connect, type LiveView } from "./live/live";
-import { inWords, Notice } from "./panels/notice";
+import { SocketLink, WorkerLink } from "./live/link";
+import { connect } from "./live/connect";
+import type { LiveView } from "./live/live";
+import { inWords, Notice, sentenceOf } from "./panels/notice";
 import { View } from "./view/view";
 import { render } from "./widget";
 
@@ -25,25 +26,31 @@ export async function open(place: HTMLElement, url: string, caseUrl: string | nu
 
 /** Connects to the stepper of a case on this machine and fills the place with its view. */
 export async function openLive(place: HTMLElement, url: string): Promise<void> {
-  await show(place, () => linked(place, new SocketLink(url)));
+  await show(place, () => connect(place, new SocketLink(url), isFramed()));
 }
 
 /** Fetches a case, which a worker of this page steps, and fills the place with its view. */
 export async function openCase(place: HTMLElement, url: string): Promise<void> {
-  await show(place, async (say) => linked(place, new WorkerLink((await load(url, loading(say))).buffer)));
+  await show(place, async (say) => connect(place, new WorkerLink((await load(url, loading(say))).buffer), isFramed()));
 }
 
 /**
  * Fetches a case, which a worker of this page steps, and the model of the same organ behind it, which takes over when it
- * has arrived. An address that carries a touch is the model's own.
+ * has arrived. An address that carries a touch is the model's own. Where the case cannot be stepped, the model comes alone.
  */
 export async function openHybrid(place: HTMLElement, caseUrl: string, modelUrl: string): Promise<void> {
   if (location.hash) return open(place, modelUrl, caseUrl);
-  await show(place, async () => {
-    const { first, then } = await hybrid(place, caseUrl, modelUrl, isFramed());
-    // Where the model cannot be loaded, the first view says so.
-    void then.then(enter, () => {});
-    return first;
+  await show(place, async (say) => {
+    try {
+      const { first, then } = await hybrid(place, caseUrl, modelUrl, isFramed());
+      // Where the model cannot be loaded, the first view says so.
+      void then.then(enter, () => {});
+      return first;
+    } catch (error) {
+      const view = await View.mount(place, await load(modelUrl, loading(say)), isFramed());
+      view.say(`the organ cannot be stepped by hands: ${sentenceOf(error)}`);
+      return view;
+    }
   });
 }
 
@@ -74,15 +81,6 @@ function enter(view: View | LiveView): void {
 
 function loading(say: (words: string) => void): (percent: number) => void {
   return (percent) => say(`Loading the organ … ${percent} %`);
-}
-
-async function linked(place: HTMLElement, link: Link): Promise<LiveView> {
-  try {
-    return await connect(place, link, isFramed());
-  } catch (error) {
-    link.close();
-    throw error;
-  }
 }
 
 export default { render };

@@ -1,7 +1,8 @@
 // The view below a notebook's cell: it follows the touches that Python asks for, and tells Python of those of a hand.
 import { element } from "./base/dom";
 import { KernelLink, type Kernel } from "./live/link";
-import { connect, type LiveView } from "./live/live";
+import { connect } from "./live/connect";
+import type { LiveView } from "./live/live";
 import { inWords, Notice } from "./panels/notice";
 import { agree, UNTOUCHED, type Told } from "./touch/told";
 import { View } from "./view/view";

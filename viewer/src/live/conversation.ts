@@ -66,8 +66,10 @@ export function factsOf({ rest, is_still, device, refusal, left_out }: Hello, pl
 export class Conversation {
   /** Of a frame that has come: its numbers. */
   onFrame: (numbers: Float32Array) => void = () => {};
-  /** What the stepper refused, or why it has gone; and the hands that were to take hold by what it refused. */
+  /** What the stepper refused; and the hands that were to take hold by what it refused. */
   onComplaint: (sentence: string, refused: readonly number[]) => void = () => {};
+  /** Why the stepper has gone: no frame comes any more. */
+  onEnd: (sentence: string) => void = () => {};
   /** What a frame brings in words: why it is stepped another way from now on. */
   onNews: (sentence: string) => void = () => {};
   /** Whether an answer is under way. */
@@ -78,7 +80,7 @@ export class Conversation {
 
   constructor(private readonly link: Link) {
     link.onMessage = (data) => this.receive(data);
-    link.onClose = (sentence) => this.onComplaint(sentence, []);
+    link.onClose = (sentence) => this.onEnd(sentence);
   }
 
   /** Whether something is wanted that has not been asked for. */

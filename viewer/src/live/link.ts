@@ -1,6 +1,6 @@
 // What steps a case: this machine behind a web socket, or a worker of this page. Both take the same requests and give the
 // same frames (live/src/lib.rs).
-import { address, embedded } from "../model/files";
+import { absent, address, embedded } from "../model/files";
 
 /** Requests go out, the introduction and frames come in. */
 export interface Link {
@@ -39,6 +39,7 @@ export class SocketLink implements Link {
   }
 
   close(): void {
+    this.onClose = () => {};
     this.socket.close();
   }
 }
@@ -60,7 +61,8 @@ export class WorkerLink implements Link {
     this.worker.addEventListener("error", (event) => {
       event.preventDefault();
       this.isOpen = false;
-      this.onClose(`The stepper has stopped (${event.message}). Reload this page.`);
+      // An event without words: the script itself did not come.
+      this.onClose(event.message ? `The stepper has stopped (${event.message}). Reload this page.` : absent("stepper.js"));
     });
     const wish = new URLSearchParams(location.search).get("gpu");
     this.worker.postMessage([bytes, embedded("stepper.wasm")?.buffer ?? null, wish]);

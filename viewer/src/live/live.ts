@@ -1,7 +1,7 @@
 // A case in real time: every frame is asked for, from this machine or a worker; one organ, or two laws side by side.
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "../stage/body";
-import { Conversation, factsOf, introduction, type Hello } from "./conversation";
+import { Conversation, factsOf, type Hello } from "./conversation";
 import { element, followTheme, toggleTheme } from "../base/dom";
 import type { Vec3 } from "../model/evaluator";
 import { Gauge } from "../panels/gauge";
@@ -31,7 +31,8 @@ const AT_REST = 1e-8;
 const REACH = 0.5;
 
 export class LiveView implements Touched, Keyed, Shared {
-  readonly hands: number;
+  /** None of a solved state, nor once the stepper has gone. */
+  hands: number;
   /** Work after a frame has been shown. */
   onTouch: () => void = () => {};
   tool: Tool = "drag";
@@ -45,8 +46,6 @@ export class LiveView implements Touched, Keyed, Shared {
   /** Whether a frame has come that has not been drawn. */
   private isFresh = false;
   private readonly holding: [Hand | null, Hand | null] = [null, null];
-  /** The largest force since a hand took hold [N]: the longest arrow. */
-  private peak = 0;
   /** The graphics processor that steps the organ, if one does. */
   private device: string | null;
   /** What the stepper refused, or why it has gone; it stands until a frame comes. */
@@ -122,6 +121,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.conversation = new Conversation(link);
     this.conversation.onFrame = (numbers) => this.take(numbers);
     this.conversation.onComplaint = (sentence, refused) => this.complain(sentence, refused);
+    this.conversation.onEnd = (sentence) => this.lose(sentence);
     this.conversation.onNews = (sentence) => this.leaveDevice(sentence);
   }
 
@@ -141,6 +141,7 @@ export class LiveView implements Touched, Keyed, Shared {
   // What a hand does.
 
   grab(hit: Hit, hand = 0): void {
+    if (this.hands === 0) return;
     this.hint.end();
     this.refusal = "";
     const first = this.specimens[0]!;
@@ -353,7 +354,7 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** Scales are those of what a hand does from now on. */
   private begin(): void {
-    this.peak = 0;
+    this.row.begin();
     this.painter.begin();
   }
 
@@ -389,13 +390,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.isFresh = false;
     const { specimens } = this;
     this.row.present(this.held !== null);
-    if (this.held) {
-      // A force on its way may be of any size: it does not set the scale.
-      const settled = specimens.filter(({ facts }) => facts.isSettled);
-      this.peak = Math.max(this.peak, ...settled.flatMap(({ sizes }) => sizes));
-      const reference = this.peak || Math.max(...specimens.flatMap(({ sizes }) => sizes));
-      specimens.forEach((specimen) => specimen.hold(this.holding, reference));
-    }
+    if (this.held) this.row.hold(this.holding);
     this.painter.show(specimens);
     this.readings.show(specimens);
     this.onTouch();
@@ -415,7 +410,15 @@ export class LiveView implements Touched, Keyed, Shared {
     this.announce(sentence);
   }
 
-  /** A request was refused, or the stepper has gone: hands that were to take hold in it have not. */
+  /** The stepper has gone: nothing can be taken hold of, and the last force is no settled one. */
+  private lose(sentence: string): void {
+    this.hands = 0;
+    this.complaint = sentence;
+    this.specimens.forEach((specimen) => specimen.lose());
+    this.stage.shape(() => this.show());
+  }
+
+  /** A request was refused: hands that were to take hold in it have not. */
   private complain(sentence: string, refused: readonly number[]): void {
     refused.forEach((hand) => this.release(hand));
     if (refused.length > 0) this.refusal = sentence;
@@ -442,9 +445,4 @@ export class LiveView implements Touched, Keyed, Shared {
     this.stage.dispose();
     this.plan.remove();
   }
-}
-
-/** Fills the place with the view of a case, once its stepper has introduced it; rejects with a sentence. */
-export async function connect(place: HTMLElement, link: Link, isEmbedded: boolean, known: Partial<Hello> = {}): Promise<LiveView> {
-  return new LiveView(place, link, { ...(await introduction(link)), ...known }, isEmbedded);
 }

@@ -3,7 +3,7 @@ import type * as THREE from "three";
 import type { Hit, Surface } from "../stage/body";
 import type { Vec3 } from "../model/evaluator";
 import { lawName } from "../model/lawname";
-import { Specimen } from "./specimen";
+import { Specimen, type Hand } from "./specimen";
 import type { Stage } from "../stage/stage";
 
 /** From the middle of one to that of the next, in widths of the organ. */
@@ -19,6 +19,8 @@ export class Row {
   specimens: Specimen[] = [];
   /** Whether the first view is to take in what the loads of the case make of the organs. */
   private isExpecting = false;
+  /** The largest force since a hand took hold [N]: the longest arrow. */
+  private peak = 0;
 
   constructor(
     private readonly stage: Stage,
@@ -73,6 +75,20 @@ export class Row {
     if (!this.isExpecting || !this.hasSettled) return;
     this.isExpecting = false;
     this.enclose();
+  }
+
+  /** The forces of what hands do from now on set the length of the arrows. */
+  begin(): void {
+    this.peak = 0;
+  }
+
+  /** Draws the forces of the hands that hold the organs, all to one scale. */
+  hold(hands: readonly (Hand | null)[]): void {
+    // A force on its way may be of any size: it does not set the scale.
+    const settled = this.specimens.filter(({ facts }) => facts.isSettled);
+    this.peak = Math.max(this.peak, ...settled.flatMap(({ sizes }) => sizes));
+    const reference = this.peak || Math.max(...this.specimens.flatMap(({ sizes }) => sizes));
+    this.specimens.forEach((specimen) => specimen.hold(hands, reference));
   }
 
   /** Takes the organs into the first view, as they are. */

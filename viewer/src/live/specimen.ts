@@ -136,6 +136,11 @@ export class Specimen {
     this.stress = numbers.slice(last);
   }
 
+  /** No frame comes any more: the force of the last one is that of no hand from now on. */
+  lose(): void {
+    this.facts.isSettled = false;
+  }
+
   /** Shapes the organ and writes the numbers of the last frame. */
   present(): void {
     const { residual, milliseconds, gain } = this.facts;

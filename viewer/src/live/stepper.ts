@@ -54,7 +54,10 @@ class Stepper {
 }
 
 async function fetched(url: string): Promise<ArrayBuffer> {
-  const response = await fetch(url);
+  // The words of viewer/src/model/files.ts, with which this script shares no code.
+  const response = await fetch(url).catch(() => {
+    throw new Error(`${url} did not arrive; see that its server runs and is not blocked, then reload this page`);
+  });
   if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
   return response.arrayBuffer();
 }

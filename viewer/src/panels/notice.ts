@@ -27,5 +27,9 @@ export class Notice {
 
 /** The sentence of an error, for whoever looks at the page. */
 export function inWords(error: unknown): string {
-  return `The organ cannot be shown: ${error instanceof Error ? error.message : String(error)}`;
+  return `The organ cannot be shown: ${sentenceOf(error)}`;
+}
+
+export function sentenceOf(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
 }

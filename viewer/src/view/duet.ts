@@ -75,6 +75,7 @@ export class Duet {
     this.conversation = new Conversation(link);
     this.conversation.onFrame = (numbers) => this.take(numbers);
     this.conversation.onComplaint = (sentence, refused) => this.complain(sentence, refused);
+    this.conversation.onEnd = (sentence) => this.lose(sentence);
     specimen.place.visible = false;
     stage.world.add(specimen.place);
     const words = element("p", {}, WORDS);
@@ -234,6 +235,15 @@ export class Duet {
       if (held) this.grab(held, 1 - joined);
     }
     this.display.speech.say(...this.inWords);
+  }
+
+  /** The stepper has gone: the last forces are no settled ones. */
+  private lose(sentence: string): void {
+    this.complaint = sentence;
+    this.specimen.lose();
+    this.isFresh = true;
+    this.stage.invalidate();
+    if (this.isPlaying) this.display.speech.say(...this.inWords);
   }
 
   private ask(): void {

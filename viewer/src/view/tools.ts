@@ -24,6 +24,7 @@ export class Tools {
     "aria-label": "stiffness",
     title: "multiply all stiffnesses of the organ by a factor: the shape stays the same, the force changes",
   });
+  private readonly about: HTMLElement;
   private readonly factor = element("span", {}, "× 1");
   private readonly switches: Record<Switch, HTMLButtonElement>;
 
@@ -39,11 +40,12 @@ export class Tools {
       `up to ${millimetres(metadata.depth)} deep`,
       ...(web ? [`web version, within ${percent(web.worst_error)} of the full model in ${web.touches} touches`] : []),
     ];
+    this.about = element("p", { title: facts.join(" · ") }, facts.join(" · "));
     this.header = element(
       "header",
       {},
       element("h1", {}, view.title),
-      element("p", { title: facts.join(" · ") }, facts.join(" · ")),
+      this.about,
       element(
         "div",
         { class: "corner" },
@@ -98,6 +100,12 @@ export class Tools {
     (Object.keys(this.switches) as Switch[]).forEach((name) => this.press(name, false));
     this.help = helpDialog("Touch the organ", KEYS);
     this.sayStiffness(view.evaluator.factor);
+  }
+
+  /** Adds to the line under the title. */
+  say(words: string): void {
+    this.about.append(` · ${words}`);
+    this.about.title = this.about.textContent ?? "";
   }
 
   sayStiffness(factor: number): void {

@@ -384,6 +384,12 @@ export class View implements Touched, Keyed, Shared {
     this.plan.remove();
   }
 
+  /** Says in the header what else is to be known. */
+  say(words: string): void {
+    this.tools.say(words);
+    this.announce(words);
+  }
+
   announce(sentence: string): void {
     this.display.speech.summary.say(sentence);
   }
