@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 from itertools import permutations
 from types import ModuleType
 
@@ -12,6 +13,7 @@ import pytest
 
 import viscera as vs
 from viscera.errors import VisceraError
+from viscera.reduced.probe import CONTACT_ERROR
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +84,12 @@ def test_a_force_above_its_tolerance_is_not_trusted(beam: vs.Touch) -> None:
     felt = probe.move((0, 0, -0.01))
     assert felt.force[2] < 0.0
     assert not felt.is_trusted
-    assert "estimated error" in felt.reason
+    said = re.fullmatch(
+        r"the estimated error, with 25 % for the contact, is ([\d.]+) %, above the 1.0 % that is allowed", felt.reason
+    )
+    assert said, felt.reason
+    own = beam(felt.contact_point, felt._push).error_estimate
+    assert float(said[1]) == pytest.approx(100 * (own + CONTACT_ERROR), abs=0.051)  # a digit after the point
 
 
 def test_a_probe_that_touches_the_clamp_is_not_trusted() -> None:

@@ -95,7 +95,13 @@ def test_a_model_that_trusts_no_answer_says_so(bar: vs.Mesh, caplog: pytest.LogC
     touch = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 8e4, 1.25e5, nodes=2))
     assert 0.01 < touch.metadata["errors"]["parameter"] < 0.05, "at 4.7 % of the diagonal, 1 % is allowed"
     assert "the model trusts none; give Vary more nodes" in caplog.text
-    assert not any(touch.at(young)(POINT, share * PUSH).is_trusted for young in (9e4, 1e5) for share in (0.01, 1.0))
+    answers = [touch.at(young)(POINT, share * PUSH) for young in (9e4, 1e5) for share in (0.01, 1.0)]
+    assert not any(answer.is_trusted for answer in answers)
+    model = touch.at(9e4)
+    felt = model.probe().place(np.add(POINT, (0, 0, model.radius - 0.002)))
+    for reason in (felt.reason, *(answer.reason for answer in answers)):
+        assert reason.startswith("between the values of young that were solved, answers are up to ")
+        assert reason.endswith("; give Vary more nodes")
 
 
 def test_the_model_begins_at_the_organs_own_value(touch: vs.Touch, bar: vs.Mesh) -> None:
@@ -190,7 +196,14 @@ def test_a_range_that_ends_where_cells_lock_has_an_element_that_does_not(
     [
         (("yuong", 1e3, 1e4), "the varied parameter 'yuong' is unknown; did you mean 'young'"),
         (("young", 1e4, 1e3), "must ascend"),
-        (("radius", 0.0, 0.1), "must be positive"),
+        (("radius", 0.0, 0.1), "the lower end of the range of radius must be a number above 0 and at most 1000"),
+        (
+            ("poisson", 0.1, 0.6),
+            "the upper end of the range of poisson must be a number above -1 and below 0.5, got 0.6",
+        ),
+        (("poisson", -1, 0.4), "the lower end of the range of poisson must be a number above -1 and below 0.5, got -1"),
+        (("young", "1 kPa", 1e4), "the lower end of the range of young must be a number in Pa, .* got '1 kPa'"),
+        (("radius", "8%", "5%"), "the range of radius runs from 8% to 5%; it must ascend"),
         (("young", 1e3, 1e4, None, 1), "nodes of young must be a whole number from 2 to 12, got 1"),
         (("radius", 0.01, 0.1, waist), "belongs to no part"),
     ],
@@ -206,6 +219,7 @@ def test_ranges_that_are_none(words: Any, sentence: str) -> None:
         (5, 900, "the lower end of the range of radius is 5 m; it may be at most the organ's diagonal, 0.424264 m"),
         (0.05, 900, "the upper end of the range of radius is 900 m; it may be at most the organ's diagonal"),
         ("5 mm", "101%", "the upper end of the range of radius is 0.428507 m; it may be at most"),
+        ("5%", 0.02, "the range of radius runs from 0.0212132 to 0.02; it must ascend"),
         ("0 mm", "5 mm", r"the lower end of the range of radius must be a number above 0"),
     ],
 )

@@ -68,12 +68,13 @@ impl Model {
         answer.set_item("error_estimate", response.error_estimate)?;
         answer.set_item("is_trusted", response.trust == Trust::Trusted)?;
         let (force, shape) = (response.error_estimate, response.shape_error_estimate);
-        answer.set_item("reason", reason(response.trust, "error", force, &self.model, d))?;
+        let why = reason(response.trust, "the estimated error", force, &self.model, d);
+        answer.set_item("reason", why)?;
         answer.set_item("shape_error_estimate", shape)?;
         answer.set_item("is_shape_trusted", response.shape_trust == Trust::Trusted)?;
-        let kind = "error of the shape";
-        answer
-            .set_item("shape_reason", reason(response.shape_trust, kind, shape, &self.model, d))?;
+        let shape_error = "the estimated error of the shape";
+        let why = reason(response.shape_trust, shape_error, shape, &self.model, d);
+        answer.set_item("shape_reason", why)?;
         answer.set_item("contact_point", PyArray1::from_slice(py, &contact.point))?;
         if field {
             let mut workspace = vec![0.0; self.model.field_workspace_len()];
@@ -158,9 +159,10 @@ impl Model {
     }
 }
 
+/// Why an answer of a model, displaced by `d` [m], is not trusted; empty if it is. `error` says what of it the estimate is.
 pub fn reason(
     trust: Trust,
-    kind: &str,
+    error: &str,
     estimate: f64,
     model: &ReducedModel,
     d: [f64; 3],
@@ -173,10 +175,23 @@ pub fn reason(
             1e3 * depth,
             1e3 * model.metadata().depth
         ),
-        Trust::ErrorTooLarge => {
-            format!("the estimated {kind} is {:.1} % at {:.1} mm", 100.0 * estimate, 1e3 * depth)
-        }
+        Trust::ErrorTooLarge => too_large(error, estimate, model, depth),
     }
+}
+
+/// What the estimate is, and what is allowed of it. Where the range of a parameter alone brings more, that is the reason.
+fn too_large(error: &str, estimate: f64, model: &ReducedModel, depth: f64) -> String {
+    let (allowed, of_range) = (model.allowed(depth), model.metadata().errors.parameter);
+    let is_above =
+        format!("above the {:.1} % that is allowed at {:.1} mm", 100.0 * allowed, 1e3 * depth);
+    if of_range <= allowed {
+        return format!("{error} is {:.1} %, {is_above}", 100.0 * estimate);
+    }
+    let name = model.metadata().parameter.as_ref().map_or("the parameter", |of| &of.name);
+    format!(
+        "between the values of {name} that were solved, answers are up to {:.1} % off, {is_above}; give Vary more nodes",
+        100.0 * of_range
+    )
 }
 
 fn finite(name: &str, array: &PyReadonlyArray1<f64>) -> PyResult<[f64; 3]> {

@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::MutexGuard;
 use viscera_core::reduced::{
-    self, Beside, Coupling, Felt, Grip, ProbeGroup, ReducedModel, Trust, refused,
+    self, Beside, CONTACT_ERROR, Coupling, Decisive, Felt, Grip, ProbeGroup, ReducedModel, Trust,
+    refused,
 };
 
 /// A sphere, and the model it touches.
@@ -115,7 +116,7 @@ fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py,
     let (trust, shape) = (felt.trust, felt.shape_trust);
     let (error, shape_error) = (felt.error_estimate, felt.shape_error_estimate);
     let d = felt.displacement;
-    let why = |trust: Trust, kind: &str, error: f64| match (felt.grip, trust) {
+    let why = |trust: Trust, kind: &str, decisive: Decisive| match (felt.grip, trust) {
         (Grip::Inside, _) => "the probe came into the organ in one step; lift it off".to_string(),
         (Grip::Lost, _) => "the pose or the time step is not a usable number".to_string(),
         (_, Trust::BeyondDepth) => {
@@ -133,7 +134,19 @@ fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py,
         _ if felt.beside == Beside::Untouchable => {
             "the probe touches the organ beside its touchable surface".to_string()
         }
-        _ => reason(trust, kind, error, &model.model, d),
+        (_, Trust::ErrorTooLarge) if decisive.has_contact => format!(
+            "the estimated {kind}, with {:.0} % for the contact, is {:.1} %, above the {:.1} % that is allowed",
+            100.0 * CONTACT_ERROR,
+            100.0 * decisive.estimate,
+            100.0 * decisive.allowed
+        ),
+        _ => reason(
+            trust,
+            &format!("the model's estimated {kind}"),
+            decisive.estimate,
+            &model.model,
+            d,
+        ),
     };
     let told = PyDict::new(py);
     for (name, vector) in [
@@ -158,9 +171,9 @@ fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py,
     )?;
     told.set_item("error_estimate", error)?;
     told.set_item("is_trusted", trust == Trust::Trusted)?;
-    told.set_item("reason", why(trust, "error", error))?;
+    told.set_item("reason", why(trust, "error", felt.decisive))?;
     told.set_item("shape_error_estimate", shape_error)?;
     told.set_item("is_shape_trusted", shape == Trust::Trusted)?;
-    told.set_item("shape_reason", why(shape, "error of the shape", shape_error))?;
+    told.set_item("shape_reason", why(shape, "error of the shape", felt.shape_decisive))?;
     Ok(told)
 }

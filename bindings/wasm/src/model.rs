@@ -2,14 +2,15 @@
 
 use crate::pair::Pair;
 use serde_json::json;
-use viscera_touch::{Contact, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust};
+use viscera_touch::{Beside, Contact, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust};
 
 /// Numbers of an answer: contact point, force, stiffness, error estimates of force and shape.
 const ANSWER_LEN: usize = 17;
 /// What [`Model::evaluate`] returns where force or stiffness overflow.
 const NO_NUMBER: u32 = 3;
-/// Numbers of what a probe feels beside the answer: displacement of the contact, gap, grip.
-const FELT_LEN: usize = 5;
+/// Numbers of what a probe feels beside the answer: displacement of the contact, gap, grip, what else it touches, and the
+/// estimated error that decides, what is allowed of it, whether the contact's is in it.
+const FELT_LEN: usize = 9;
 
 /// A model, its present contact, and buffers.
 pub struct Model {
@@ -153,7 +154,11 @@ impl Model {
         self.contact = Some(felt.contact);
         self.answer[..3].copy_from_slice(&felt.contact.point);
         let [x, y, z] = felt.displacement;
-        self.felt = [x, y, z, felt.gap, number_of_grip(felt.grip)];
+        let (grip, beside) = (number_of_grip(felt.grip), number_of_beside(felt.beside));
+        let decisive = felt.decisive;
+        let has_contact = f64::from(u8::from(decisive.has_contact));
+        self.felt =
+            [x, y, z, felt.gap, grip, beside, decisive.estimate, decisive.allowed, has_contact];
         // For the stiffness.
         if self.evaluate(felt.displacement) == NO_NUMBER || felt.grip == Grip::Lost {
             self.shape_trust = NO_NUMBER;
@@ -287,6 +292,15 @@ fn number_of_grip(grip: Grip) -> f64 {
         Grip::Slides => 2.0,
         Grip::Inside => 3.0,
         Grip::Lost => 4.0,
+    }
+}
+
+fn number_of_beside(beside: Beside) -> f64 {
+    match beside {
+        Beside::Nothing => 0.0,
+        Beside::Support => 1.0,
+        Beside::SecondPlace => 2.0,
+        Beside::Untouchable => 3.0,
     }
 }
 

@@ -32,9 +32,9 @@ pub use recompress::recompressed;
 pub use refused::refused;
 pub use settings::{Family, Member, Progress, Reduction};
 pub use viscera_touch::{
-    Answer, Answers, Arrays, Beside, CONTACT_ERROR, Contact, Coupling, Errors, Felt, Grip,
-    Metadata, Notes, Parameter, Probe, ProbeGroup, RADII, ReducedModel, TOLERANCE, Trust, View,
-    allowance,
+    Answer, Answers, Arrays, Beside, CONTACT_ERROR, Contact, Coupling, Decisive, Errors, Felt,
+    Grip, Metadata, Notes, Parameter, Probe, ProbeGroup, RADII, ReducedModel, TOLERANCE, Trust,
+    View, allowance,
 };
 
 #[cfg(test)]

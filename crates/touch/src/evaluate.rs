@@ -104,11 +104,16 @@ impl ReducedModel {
         (weighted(&weights, &orders), here.stiffness(d, &orders, &weights, second.as_ref()))
     }
 
+    /// Error that is allowed of a force or a field displaced by a depth [m], relative to its norm.
+    pub fn allowed(&self, depth: f64) -> f64 {
+        allowance(depth / self.metadata.diagonal)
+    }
+
     fn trust(&self, depth: f64, error_estimate: f64) -> Trust {
         // Written so that a displacement that is not a number is not trusted either.
         if !(depth <= self.metadata.depth * (1.0 + 1e-9)) {
             Trust::BeyondDepth
-        } else if error_estimate > allowance(depth / self.metadata.diagonal) {
+        } else if error_estimate > self.allowed(depth) {
             Trust::ErrorTooLarge
         } else {
             Trust::Trusted

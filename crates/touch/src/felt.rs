@@ -31,6 +31,22 @@ pub enum Beside {
     Untouchable,
 }
 
+/// The estimated error by which what a probe feels is trusted or not, and the largest that is trusted; relative to the norm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decisive {
+    /// Estimated error.
+    pub estimate: f64,
+    /// The largest that is trusted.
+    pub allowed: f64,
+    /// Whether it includes the error of a contact, [`crate::CONTACT_ERROR`]; else it is the model's own.
+    pub has_contact: bool,
+}
+
+impl Decisive {
+    /// Of a probe whose estimate decides nothing.
+    const NONE: Self = Decisive { estimate: 0.0, allowed: 0.0, has_contact: false };
+}
+
 /// What a probe feels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Felt {
@@ -52,10 +68,14 @@ pub struct Felt {
     pub error_estimate: f64,
     /// Whether the force is trusted.
     pub trust: Trust,
+    /// By what the force is trusted, where nothing else decides.
+    pub decisive: Decisive,
     /// The same of the field.
     pub shape_error_estimate: f64,
     /// Whether the field is trusted.
     pub shape_trust: Trust,
+    /// By what the field is trusted, where nothing else decides.
+    pub shape_decisive: Decisive,
     /// What else the sphere touches.
     pub beside: Beside,
 }
@@ -92,8 +112,10 @@ impl Felt {
             torque: [0.0; 3],
             error_estimate: error,
             trust,
+            decisive: Decisive::NONE,
             shape_error_estimate: error,
             shape_trust: trust,
+            shape_decisive: Decisive::NONE,
             beside: Beside::Nothing,
         }
     }

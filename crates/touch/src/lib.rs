@@ -43,7 +43,7 @@ pub use contact::Contact;
 pub use departure::{DIRECTIONS, directions};
 pub use error::Error;
 pub use evaluate::{Answer, Trust, allowance};
-pub use felt::{Beside, Felt, Grip};
+pub use felt::{Beside, Decisive, Felt, Grip};
 pub use file::{View, to_bytes};
 pub use forms::{Cubic, N_CUBIC, cubic_index};
 pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter, UNITS};

@@ -11,7 +11,7 @@
 
 use super::error::Error;
 use super::evaluate::Trust;
-use super::felt::{Beside, Felt, Grip};
+use super::felt::{Beside, Decisive, Felt, Grip};
 use super::model::ReducedModel;
 use super::press::{Press, within};
 use super::return_mapping::{Held, Return};
@@ -203,8 +203,10 @@ impl Probe {
         if let Some(worth) = worth {
             let size = norm(felt.force);
             let lacks = if lacks > TOLD * size { lacks / size } else { 0.0 };
-            (felt.error_estimate, felt.trust) = worth.of_force(lacks, self.tolerance);
-            (felt.shape_error_estimate, felt.shape_trust) = worth.of_shape(lacks, self.tolerance);
+            (felt.error_estimate, felt.trust, felt.decisive) =
+                worth.of_force(lacks, self.tolerance);
+            (felt.shape_error_estimate, felt.shape_trust, felt.shape_decisive) =
+                worth.of_shape(lacks, self.tolerance);
         }
         self.state = State {
             center: Some(center),
@@ -241,19 +243,21 @@ impl Probe {
         if more <= TOLD {
             return felt;
         }
-        let doubted = |error: f64, trust: Trust| {
+        let doubted = |error: f64, trust: Trust, decisive: Decisive| {
             // A light touch is trusted though its estimate is larger.
             let is_too_much =
                 more > self.tolerance || (error..=error + more).contains(&self.tolerance);
-            let trust = match trust {
-                Trust::Trusted if is_too_much => Trust::ErrorTooLarge,
-                trust => trust,
-            };
-            ((error + more).min(1.0), trust)
+            let estimate = (error + more).min(1.0);
+            let sum = Decisive { estimate, allowed: self.tolerance, has_contact: true };
+            match trust {
+                Trust::Trusted if is_too_much => (estimate, Trust::ErrorTooLarge, sum),
+                trust => (estimate, trust, decisive),
+            }
         };
-        (felt.error_estimate, felt.trust) = doubted(felt.error_estimate, felt.trust);
-        (felt.shape_error_estimate, felt.shape_trust) =
-            doubted(felt.shape_error_estimate, felt.shape_trust);
+        (felt.error_estimate, felt.trust, felt.decisive) =
+            doubted(felt.error_estimate, felt.trust, felt.decisive);
+        (felt.shape_error_estimate, felt.shape_trust, felt.shape_decisive) =
+            doubted(felt.shape_error_estimate, felt.shape_trust, felt.shape_decisive);
         felt
     }
 
@@ -338,12 +342,14 @@ impl Probe {
         let torque = cross(normal.map(|x| -self.radius * x), force);
         let worth = Worth {
             answer,
+            allowed: model.allowed(norm(d)),
             contact: press.error,
             other: COUPLED * norm(self.carried) / entered + off / norm(force),
             is_beyond: self.is_beyond(model, entered),
         };
-        let (error_estimate, trust) = worth.of_force(0.0, self.tolerance);
-        let (shape_error_estimate, shape_trust) = worth.of_shape(0.0, self.tolerance);
+        let (error_estimate, trust, decisive) = worth.of_force(0.0, self.tolerance);
+        let (shape_error_estimate, shape_trust, shape_decisive) =
+            worth.of_shape(0.0, self.tolerance);
         let felt = Felt {
             grip,
             center,
@@ -354,8 +360,10 @@ impl Probe {
             torque,
             error_estimate,
             trust,
+            decisive,
             shape_error_estimate,
             shape_trust,
+            shape_decisive,
             beside: Beside::Nothing,
         };
         let anchor = Some(Anchor { point: contact.point, triangle: foot.triangle });

@@ -24,6 +24,10 @@ export interface Answer {
 export type Grip = "free" | "sticks" | "slides" | "inside" | "lost";
 const GRIP: Grip[] = ["free", "sticks", "slides", "inside", "lost"];
 
+/** What a sphere touches beside the place that the model answers for. */
+export type Beside = "nothing" | "support" | "second-place" | "untouchable";
+const BESIDE: Beside[] = ["nothing", "support", "second-place", "untouchable"];
+
 /** What a sphere feels at a place, and how it displaces the contact that it holds [m]. */
 export interface Felt extends Answer {
   center: Vec3;
@@ -31,6 +35,9 @@ export interface Felt extends Answer {
   /** From the surface at rest [m]; negative where the sphere has entered it. */
   gap: number;
   grip: Grip;
+  beside: Beside;
+  /** The estimated error that decides, the largest that is trusted, and whether it includes that of the contact. */
+  decisive: { estimate: number; allowed: number; hasContact: boolean };
 }
 
 /** A part by name, and its surface as triangles between rows of the model's nodes. */
@@ -217,8 +224,10 @@ export class Evaluator {
 
   private felt(trust: number, center: Vec3): Felt {
     const answer = this.answer(trust);
-    const [x, y, z, gap, grip] = [...this.doubles(this.wasm.organ_felt(this.organ), 5)] as [number, number, number, number, number];
-    return { ...answer, center, displacement: [x, y, z], gap, grip: GRIP[grip] ?? "lost" };
+    const [x, y, z, gap, grip, beside, estimate, allowed, hasContact] = this.doubles(this.wasm.organ_felt(this.organ), 9);
+    const decisive = { estimate: estimate!, allowed: allowed!, hasContact: hasContact === 1 };
+    const displacement: Vec3 = [x!, y!, z!];
+    return { ...answer, center, displacement, gap: gap!, grip: GRIP[grip!] ?? "lost", beside: BESIDE[beside!] ?? "nothing", decisive };
   }
 
   private answer(trust: number): Answer {

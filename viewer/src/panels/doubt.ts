@@ -1,9 +1,18 @@
 // Whether an answer may be relied on, in words; empty where it may.
 import { millimetres, percent } from "../base/dom";
-import type { Answer, Description, Felt } from "../model/evaluator";
+import type { Answer, Beside, Description, Felt } from "../model/evaluator";
 
 /** From here on a lower order's answer is too far from the highest one's, relative to that. */
 const FAR = 0.05;
+/** Error of the contact of a probe, relative to the force (crates/touch/src/press.rs). */
+const CONTACT_ERROR = 0.25;
+
+/** What a probe touches that the model does not answer for, in words. */
+const BESIDE: Record<Exclude<Beside, "nothing">, string> = {
+  support: "the probe touches where the organ is fixed",
+  "second-place": "the probe touches the organ at a second place",
+  untouchable: "the probe touches the organ beside its touchable surface",
+};
 
 type Model = Description["metadata"];
 
@@ -25,11 +34,30 @@ export function doubtOf(answer: Answer, felt: Felt | null, depth: number, model:
       const beyond = `a depth of ${millimetres(depth)} exceeds the ${millimetres(model.depth)} that this model is made for`;
       return slipped > 0 ? `${beyond}, and the contact slips before the ${millimetres(slipped)} that were asked for` : beyond;
     case "error-too-large":
-      return `the estimated error is ${percent(answer.error)} here`;
+      return felt ? doubtOfFelt(felt, model) : tooLarge("the estimated error", answer.error, allowance(depth / model.diagonal), model);
     case "no-number":
       return "the answer is not a finite number here";
   }
   return "";
+}
+
+/** What is wrong with what a probe feels, whose estimated error is too large (bindings/python/src/probe.rs). */
+function doubtOfFelt({ beside, decisive }: Felt, model: Model): string {
+  if (beside !== "nothing") return BESIDE[beside];
+  const { estimate, allowed, hasContact } = decisive;
+  if (!hasContact) return tooLarge("the model's estimated error", estimate, allowed, model);
+  return `the estimated error, with ${percent(CONTACT_ERROR)} for the contact, is ${percent(estimate)}, above the ${percent(allowed)} that is allowed`;
+}
+
+/**
+ * What the model's estimate is here, and what is allowed of it. Where the range of a parameter alone brings more, that is
+ * the reason (bindings/python/src/model.rs).
+ */
+function tooLarge(error: string, estimate: number, allowed: number, { errors, user }: Model): string {
+  const ofRange = errors.parameter ?? 0;
+  const isAbove = `above the ${percent(allowed)} that is allowed here`;
+  if (ofRange <= allowed) return `${error} is ${percent(estimate)}, ${isAbove}`;
+  return `between the values of ${user?.parameter?.name ?? "the parameter"} that were solved, answers are up to ${percent(ofRange)} off, ${isAbove}; give Vary more nodes`;
 }
 
 /** What is wrong with a lower order's answer, whose force may be so far from the highest one's. */
