@@ -41,6 +41,30 @@ OWN = MADE.replace('"NeoHookean", poisson = 0.3', '"StrainEnergy", energy = "sti
             r"high in \[reduce.vary\] must be a number without unit, got '40%'",
         ),
         (
+            HEAD + 'reduce.vary = {parameter = "poisson", low = 0.1, high = 0.6}',
+            r"high in \[reduce.vary\] must be a number above -1 and below 0.5, got 0.6",
+        ),
+        (
+            HEAD + 'reduce.vary = {parameter = "young", low = 0, high = 2}',
+            r"low in \[reduce.vary\] must be a number above 0 and at most 1e\+15 \[Pa\], got 0",
+        ),
+        (
+            HEAD + 'reduce.vary = {parameter = "young", low = 1e5, high = 1e4}',
+            r"\[reduce.vary\]: the range of young runs from 100000 to 10000; it must ascend",
+        ),
+        (
+            HEAD + 'reduce.vary = {parameter = "radius", low = "5 cm", high = "20 mm"}',
+            r"\[reduce.vary\]: the range of radius runs from 5 cm to 20 mm; it must ascend",
+        ),
+        (
+            HEAD + 'reduce.vary = {parameter = "radius", low = "5%", high = "8%", part = "x < 1%"}',
+            r"\[reduce.vary\]: the contact radius belongs to no part of the organ",
+        ),
+        (HEAD + 'reduce.start = "loads"', r'start = "loads" in \[reduce\] needs loads in a table \[loads\]; give them'),
+        (HEAD + 'reduce.start = "loads"\nloads.density = 1e3', r'start = "loads" in \[reduce\] needs loads'),
+        (HEAD + 'reduce.start = "scan"', r'start = "scan" in \[reduce\] needs the loads of the scan'),
+        (HEAD + "reduce.order = 2\nscan.force.tip = [0, 0, 1]", r"a case with a \[scan\] must say what is touched"),
+        (
             HEAD + 'reduce.vary = {parameter = "radius", low = "1 kPa", high = "2 cm"}',
             r"low in \[reduce.vary\] '1 kPa' is not a length",
         ),

@@ -70,7 +70,7 @@ from viscera.progress import Progress
 from viscera.quantity import path_of
 from viscera.reduced.checkpoint import Checkpoint
 from viscera.reduced.touch import Touch
-from viscera.reduced.vary import Vary
+from viscera.reduced.vary import of_words
 from viscera.state import State
 
 if sys.version_info >= (3, 11):
@@ -160,6 +160,22 @@ class Case(Solvable):
         """Raise `VisceraError` naming the first key that a case does not have."""
         words = {name: getattr(self, NAMES.get(name, name)) for name in schema.CASE.keys}
         schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
+        if self.reduction:
+            self._require_start()
+
+    def _require_start(self) -> None:
+        """Raise `VisceraError` unless [reduce] says which state is touched, and the case has its loads."""
+        start = self.reduction.get("start")
+        if start is None and self.scan:
+            raise VisceraError(
+                'a case with a [scan] must say what is touched: start = "scan", "loads" or "rest" in [reduce]'
+            )
+        if start == "scan" and not _acts(self.scan):
+            raise VisceraError('start = "scan" in [reduce] needs the loads of the scan in a table [scan]')
+        if start == "loads" and not _acts(self.loads):
+            raise VisceraError(
+                'start = "loads" in [reduce] needs loads in a table [loads]; give them, or say start = "rest"'
+            )
 
     def organ(self) -> Organ:
         """The organ: mesh, law and supports; each place of the case becomes a named set of its mesh.
@@ -286,13 +302,13 @@ class Case(Solvable):
 
     def _reduction(self, organ: Organ) -> dict[str, Any]:
         """What [reduce] says; what is wrong there for the organ is refused before loads are solved."""
+        self._require_start()
         options = dict(self.reduction)
         if "vary" in options:
-            vary = dict(options["vary"])
             with naming("[reduce.vary]"):
-                options["vary"] = Vary(vary.pop("parameter"), **vary)
-                if "part" in vary:
-                    organ.mesh.cells_in(vary["part"])
+                options["vary"] = vary = of_words(options["vary"])
+                if vary.part is not None:
+                    organ.mesh.cells_in(vary.part)
         with naming("[reduce]"):
             organ._sizes(*(options.get(name) for name in ("radius", "depth", "vary")))
         organ._require_held(AT_REST)
@@ -300,12 +316,6 @@ class Case(Solvable):
 
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
         """The organ free of load, and the equilibrium that its touches start from; None at rest."""
-        if start is None and self.scan:
-            raise VisceraError(
-                'a case with a [scan] must say what is touched: start = "scan", "loads" or "rest" in [reduce]'
-            )
-        if start == "scan" and not self.scan:
-            raise VisceraError('start = "scan" in [reduce] needs the loads of the scan in a table [scan]')
         scanned = None
         if self.scan:
             rest = self.unloaded(organ, progress)
@@ -351,6 +361,11 @@ def case_of(words: Mapping[str, Any], folder: Path = Path(), file: str = "") -> 
 def _require_density(loads: Mapping[str, Any], density: Any, table: str) -> None:
     if loads.get("gravity") is not None and density is None:
         raise VisceraError(f"gravity in [{table}] needs the key density [kg/m^3] there")
+
+
+def _acts(loads: Mapping[str, Any]) -> bool:
+    """Whether there is a load among these words, and not a density alone."""
+    return any(len(loads.get(kind, ())) > 0 for kind in (*PLACED, "gravity"))
 
 
 def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Mesh:

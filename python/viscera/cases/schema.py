@@ -11,17 +11,14 @@ from viscera import defaults, reducible, statics, supported
 from viscera.boundary import elastic_support
 from viscera.cases.entries import Components, Key, Length, PerCell, Place, Places, Table, Text, Units
 from viscera.cases.material_schema import Material
-from viscera.quantity import Choice, Flag, Number, Vector, refused
+from viscera.errors import naming
+from viscera.quantity import Choice, Flag, Number, Vector
 from viscera.reduced import vary
 from viscera.solver import NAMES as SOLVERS
 from viscera.solver import NEWTON
 
 STARTS = ("rest", "loads", "scan")
 """States that the touches of a reduced model may start from."""
-
-
-WORDLESS = {"young": "a number in Pa, as every stiffness is, such as 1e3 for 1 kPa", "poisson": "a number without unit"}
-"""What the ends of a range are for parameters that have no words."""
 
 
 class End:
@@ -32,7 +29,8 @@ class End:
             Number()(value, what)
 
     def __str__(self) -> str:
-        return f"a number in the unit of the parameter; for the radius {Length()}"
+        kinds = {**vary.ENDS, "radius": Length()}
+        return "; ".join(f'for "{name}" {kind}' for name, kind in kinds.items())
 
 
 class Varied:
@@ -41,11 +39,9 @@ class Varied:
     def __call__(self, words: Any, what: str) -> None:
         VARY(words, what)
         for end in ("low", "high"):
-            name, value = f"{end} in [{VARY.name}]", words[end]
-            if words["parameter"] == "radius":
-                Length()(value, name)
-            elif isinstance(value, str):
-                raise refused(name, WORDLESS[words["parameter"]], value)
+            vary.require_end(words["parameter"], words[end], f"{end} in [{VARY.name}]")
+        with naming(f"[{VARY.name}]"):
+            vary.of_words(words)
 
     def __str__(self) -> str:
         return str(VARY)
@@ -110,7 +106,7 @@ VARY = Table(
         "parameter": Key(Choice(vary.PARAMETERS), "parameter that varies", is_required=True),
         "part": Key(Place("cell"), "part in which it varies", "the whole organ"),
         "low": Key(End(), "lower end of the range", is_required=True),
-        "high": Key(End(), "upper end of the range", is_required=True),
+        "high": Key(End(), "upper end of the range, above `low`", is_required=True),
         "nodes": Key(vary.NODES, "number of values that are solved", str(vary.Vary.nodes)),
     },
 )
@@ -136,7 +132,11 @@ REDUCE = Table(
             "where the right-hand sides of the series are computed: the processor or the device",
             '"cholesky"',
         ),
-        "start": Key(Choice(STARTS), "state that touches start from", '"rest"; required if there is a `[scan]`'),
+        "start": Key(
+            Choice(STARTS),
+            'state that touches start from; `"loads"` and `"scan"` need loads in the table of that name',
+            '"rest"; required if there is a `[scan]`',
+        ),
         "vary": Key(Varied(), "range of a parameter that the model covers", "none"),
     },
 )

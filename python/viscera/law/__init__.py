@@ -22,6 +22,7 @@ from viscera.quantity import Choice
 
 __all__ = [
     "LAWS",
+    "OF_TWO_MODULI",
     "ROWS",
     "ArrudaBoyce",
     "Corotated",
@@ -62,6 +63,8 @@ LAWS: dict[str, type[Law]] = {
         StrainEnergy,
     )
 }
+OF_TWO_MODULI = tuple(name for name, law in LAWS.items() if issubclass(law, TwoModuli))
+"""Laws that are made from Young's modulus and Poisson's ratio."""
 
 
 def named(name: str) -> type[Law]:

@@ -6,6 +6,7 @@ The model is solved at Chebyshev's nodes of the range, and its answers are inter
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +14,10 @@ import numpy as np
 
 from viscera import defaults
 from viscera.errors import VisceraError
-from viscera.law import LAWS, Law, TwoModuli, from_core
+from viscera.law import OF_TWO_MODULI, Law, TwoModuli, from_core
 from viscera.mesh import Floats, Indices, Mesh, Where
-from viscera.quantity import Choice, Number, Whole
-from viscera.select import size
+from viscera.quantity import Choice, Number, Whole, refused
+from viscera.select import POSITIVE, length, size
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
@@ -26,6 +27,26 @@ log = logging.getLogger("viscera")
 UNITS = {"young": "Pa", "poisson": "", "radius": "m"}
 PARAMETERS = tuple(UNITS)
 NODES = Whole(2, 12)
+ENDS = {"young": Number("Pa", above=0), "poisson": Number(above=-1, below=0.5), "radius": POSITIVE}
+"""What the ends of a range may be as numbers."""
+WORDLESS = {"young": "a number in Pa, as every stiffness is, such as 1e3 for 1 kPa", "poisson": "a number without unit"}
+"""What they are for parameters that have no words."""
+
+
+def require_end(parameter: str, value: Any, what: str) -> None:
+    """Raise `VisceraError` unless a value, which errors call `what`, may be an end of a range of the parameter.
+
+    >>> require_end("radius", "5 mm", "low")
+    >>> require_end("poisson", 0.6, "high in [reduce.vary]")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: high in [reduce.vary] must be a number above -1 and below 0.5, got 0.6
+    """
+    if parameter == "radius":
+        length(value, 1.0, what, ENDS[parameter])
+    elif isinstance(value, str):
+        raise refused(what, WORDLESS[parameter], value)
+    else:
+        ENDS[parameter](value, what)
 
 
 @dataclass(frozen=True)
@@ -51,18 +72,24 @@ class Vary:
     """Number of values that are solved. The error decreases geometrically with it."""
 
     def __post_init__(self) -> None:
-        """Raise `VisceraError` for an unknown parameter, an empty range, too few or too many nodes."""
+        """Raise `VisceraError` for an unknown parameter, an end out of range, an empty range, too few or many nodes."""
         Choice(PARAMETERS)(self.name, "the varied parameter")
         NODES(self.nodes, f"the number of nodes of {self.name}")
         if self.name == "radius" and self.part is not None:
             raise VisceraError("the contact radius belongs to no part of the organ; leave `part` out")
-        if self.name == "radius" and isinstance(self.low, str) | isinstance(self.high, str):
-            return  # in words: numbers on an organ
-        low, high = self._ends
+        for end, value in (("lower", self.low), ("upper", self.high)):
+            require_end(self.name, value, f"the {end} end of the range of {self.name}")
+        self._require_ascent()
+
+    def _require_ascent(self) -> None:
+        """Raise `VisceraError` for an empty range; only an organ tells whether one from "5%" to 0.08 is."""
+        ends = (self.low, self.high)
+        if len({isinstance(end, str) and "%" in end for end in ends}) > 1:
+            return
+        low, high = (length(end, 1.0, self.name) if isinstance(end, str) else float(end) for end in ends)
         if not low < high:
-            raise VisceraError(f"the range of {self.name} runs from {low:g} to {high:g}; it must ascend")
-        if self.name != "poisson" and low <= 0.0:
-            raise VisceraError(f"the range of {self.name} begins at {low:g}; it must be positive")
+            start, stop = (end if isinstance(end, str) else f"{end:g}" for end in ends)
+            raise VisceraError(f"the range of {self.name} runs from {start} to {stop}; it must ascend")
 
     def on(self, mesh: Mesh) -> Vary:
         """The range in numbers, for an organ of this mesh.
@@ -80,8 +107,7 @@ class Vary:
 
     @property
     def _ends(self) -> tuple[float, float]:
-        low, high = (Number()(end, f"the range of {self.name}") for end in (self.low, self.high))
-        return low, high
+        return float(self.low), float(self.high)
 
     @property
     def is_logarithmic(self) -> bool:
@@ -178,6 +204,16 @@ class Vary:
         return float(inside[0]) if np.allclose(inside, inside[0], rtol=1e-9) else None
 
 
+def of_words(words: Mapping[str, Any]) -> Vary:
+    """The range of a table [reduce.vary] of a case.
+
+    >>> of_words({"parameter": "young", "low": 1e3, "high": 1e5}).nodes
+    5
+    """
+    rest = {key: word for key, word in words.items() if key != "parameter"}
+    return Vary(words["parameter"], **rest)
+
+
 def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law:
     """The law of `count` cells with another "young" or "poisson" in some of them, or in all if none are named.
 
@@ -191,7 +227,7 @@ def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law
             raise VisceraError(
                 f"{type(law).__name__} is not made from a Poisson's ratio alone, but keeps coefficients [Pa] and a "
                 "bulk modulus, even where it was given one; vary its young, or take one of the laws made from it: "
-                f"{', '.join(name for name, kind in LAWS.items() if issubclass(kind, TwoModuli))}"
+                f"{', '.join(OF_TWO_MODULI)}"
             )
         everywhere[inside] = type(law)(young=_of(changed, "young"), poisson=value).parameters
     else:
