@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import viscera as vs
+from viscera import cli
 from viscera.cases.case import read_case
 
 GOOD = """
@@ -90,6 +91,21 @@ def test_a_built_in_organ_needs_no_file(tmp_path: Path) -> None:
     path.write_text('mesh = "organ:lever"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n')
     with pytest.raises(vs.VisceraError, match="did you mean 'liver'"):
         read_case(path).organ()
+
+
+def test_a_built_in_organ_is_in_metres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = 'mesh = "organ:beam"\nunits = "m"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n'
+    path = tmp_path / "case.toml"
+    path.write_text(words)
+    assert read_case(path).organ().mesh.diagonal == vs.organs.beam().diagonal
+    path.write_text(words.replace('"m"', '"mm"'))
+    told = "organ:beam: a built-in organ is in metres, and the units are 'mm': leave them out"
+    with pytest.raises(vs.VisceraError, match=f"mesh: {told}"):
+        read_case(path).organ()
+    assert cli.main(["inspect", "organ:beam", "--units", "m"]) == 0
+    capsys.readouterr()
+    assert cli.main(["inspect", "organ:beam", "--units", "mm"]) == 2
+    assert told in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

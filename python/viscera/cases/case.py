@@ -62,12 +62,13 @@ from viscera.boundary.holding import AT_REST
 from viscera.cases import material_schema, schema
 from viscera.errors import VisceraError, did_you_mean, naming
 from viscera.fibres import helical_fibres
+from viscera.files.mesh import metres_per_unit
 from viscera.members import words_of
 from viscera.mesh import Indices, Mesh, read
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.progress import Progress
-from viscera.quantity import path_of
+from viscera.quantity import brief, path_of
 from viscera.reduced.checkpoint import Checkpoint
 from viscera.reduced.touch import Touch
 from viscera.reduced.vary import of_words
@@ -374,6 +375,10 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
         organ = name.removeprefix("organ:")
         if organ not in BUILT_IN:
             raise VisceraError(f"unknown built-in organ {organ!r}; {did_you_mean(organ, BUILT_IN)}")
+        if units is not None and metres_per_unit(units) != 1.0:
+            raise VisceraError(
+                f'{name}: a built-in organ is in metres, and the units are {brief(units)}: leave them out, or say "m"'
+            )
         return BUILT_IN[organ]()
     if units is None:
         if not (folder / name).exists():

@@ -155,7 +155,7 @@ CASE = Table(
         "mesh": Key(
             Text(), 'path of a mesh file, from the folder of the case; or an organ: "organ:liver"', is_required=True
         ),
-        "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ"),
+        "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ, which is in metres"),
         "fixed": Key(
             Place("node"),
             "fixed nodes",

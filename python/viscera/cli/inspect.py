@@ -27,7 +27,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read, measure, print."""
     output.spare([args.mesh])
     is_built_in = args.mesh.startswith("organ:")
-    facts = report(load_mesh(args.mesh, None)) if is_built_in else inspect(args.mesh, units=args.units)
+    facts = report(load_mesh(args.mesh, args.units)) if is_built_in else inspect(args.mesh, units=args.units)
     output.say(f"{args.mesh}: {facts['n_points']} points, {facts['n_cells']} cells")
     if facts["volume"] is not None:
         sides = [f"{1e3 * (high - low):.4g}" for low, high in zip(*facts["bounding_box"], strict=True)]
