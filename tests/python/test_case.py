@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import viscera as vs
 from viscera import cli
 from viscera.cases.case import read_case
+from viscera.law import LAWS
 
 GOOD = """
 mesh = "bar.vtu"
@@ -202,6 +204,22 @@ def test_a_case_without_a_file_names_none() -> None:
     case = vs.Case(mesh="organ:beam", fixed="abc", material={"law": "NeoHookean", "young": 1e5, "poisson": 0.3})
     with pytest.raises(vs.VisceraError, match=f"^fixed: {NO_SET}"):
         case.organ()
+
+
+def test_the_help_names_the_laws_that_a_command_line_can_describe(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["reduce", "--help"])
+    told = re.search(r"--law LAW\s+(.*?) \(default: NeoHookean\)", capsys.readouterr().out, re.DOTALL)
+    assert told is not None
+    assert "".join(told[1].split()).split(",") == [name for name in LAWS if takes_young_and_poisson(name)]
+
+
+def takes_young_and_poisson(law: str) -> bool:
+    try:
+        LAWS[law](young=1e5, poisson=0.3)  # type: ignore[call-arg]
+    except (TypeError, vs.VisceraError):
+        return False
+    return True
 
 
 def test_the_same_place_in_other_words_may_not_contradict(folder: Path) -> None:

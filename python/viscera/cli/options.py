@@ -10,6 +10,7 @@ from viscera import defaults
 from viscera.cases.case import Case, read_case
 from viscera.errors import VisceraError
 from viscera.files.mesh import FORMATS, METRES
+from viscera.law import OF_TWO_MODULI
 from viscera.output.kind import CASE, MESH, kind_of
 from viscera.reduced.touch import Touch, load
 from viscera.select import length
@@ -67,7 +68,7 @@ def add_organ(parser: argparse.ArgumentParser) -> None:
     )
     organ.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
     organ.add_argument("--element", help="'P1', 'P1 mean volume' or 'P2' (default: chosen for Poisson's ratio)")
-    organ.add_argument("--law", help="Linear, Corotated, SaintVenantKirchhoff or NeoHookean (default)")
+    organ.add_argument("--law", help=f"{', '.join(OF_TWO_MODULI)} (default: NeoHookean)")
     organ.add_argument("--young", type=float, metavar="PA", help="Young's modulus [Pa]")
     organ.add_argument("--poisson", type=float, help="Poisson's ratio, above -1 and below 0.5")
 
