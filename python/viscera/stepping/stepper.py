@@ -47,7 +47,8 @@ TIME_STEP = Number("s", low=1e-12)
 class Stepper:
     """An organ in real time, made by `Organ.stepper`. Paper B
     (*Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*):
-    one Newton iteration a frame from the last state.
+    one Newton iteration a frame, there from the last state, here from where the last motion leads, unless
+    `extrapolate=False`.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
