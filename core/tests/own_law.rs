@@ -1,8 +1,9 @@
 //! A law that another crate brings: its energy, a row of parameters, and no line of the core.
 
+use std::sync::Arc;
 use viscera_core::body::Body;
 use viscera_core::element::Element;
-use viscera_core::law::{Material, Rows, StrainEnergy};
+use viscera_core::law::{LawKernels, Material, Rows, StrainEnergy};
 use viscera_core::number::Scalar;
 
 /// Gent's solid (Rubber Chem. Technol. 69, 1996, 59) with `kappa/2 (J - 1)^2`.
@@ -27,7 +28,7 @@ impl StrainEnergy for Gent {
 #[test]
 fn a_law_of_another_crate_deforms_a_body() {
     let names = ["mu", "limit", "kappa"].map(String::from).to_vec();
-    let law = std::sync::Arc::new(Rows(|p| Gent { mu: p[0], limit: p[1], kappa: p[2] }));
+    let law = Arc::new(Rows(|p| Gent { mu: p[0], limit: p[1], kappa: p[2] }));
     let material = Material::of_kernels("gent", names, law, vec![vec![3e3, 0.8, 2e4]]).unwrap();
     let points = vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.1, 0.1, 0.1]];
     let cells = vec![[0, 1, 2, 3], [1, 2, 3, 4]];
@@ -58,4 +59,21 @@ fn a_law_of_another_crate_deforms_a_body() {
             assert!((difference - product[k]).abs() < 1e-6 * size, "{}", element.name());
         }
     }
+}
+
+/// Rounding is that of the law's stresses, whatever its parameters are given in: in pascals, in megapascals, or as numbers
+/// that say nothing of a stress.
+#[test]
+fn the_size_of_its_stresses_does_not_depend_on_the_units_of_its_parameters() {
+    let scale = |law: Arc<dyn LawKernels>, row: [f64; 3]| {
+        let names = ["mu", "limit", "kappa"].map(String::from).to_vec();
+        Material::of_kernels("gent", names, law, vec![row.to_vec()]).unwrap().scale(0)
+    };
+    let pascals = Arc::new(Rows(|p| Gent { mu: p[0], limit: p[1], kappa: p[2] }));
+    let mega = Rows(|p| Gent { mu: 1e6 * p[0], limit: p[1], kappa: 1e6 * p[2] });
+    let expected = scale(pascals.clone(), [3e3, 0.8, 2e4]);
+    assert!((expected - 2.3e4).abs() < 1e-6 * expected, "{expected}");
+    assert!((scale(Arc::new(mega), [3e-3, 0.8, 2e-2]) - expected).abs() < 1e-9 * expected);
+    // A limit so far away that there is none.
+    assert!((scale(pascals, [3e3, 1e15, 2e4]) - expected).abs() < 1e-2 * expected);
 }

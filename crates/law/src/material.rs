@@ -2,7 +2,6 @@
 
 use super::at_rest::shear_modulus;
 use super::expression::Expression;
-use super::formula::FORMULA;
 use super::kernels::LawKernels;
 use super::several::{BETWEEN, SEVERAL};
 use crate::error::Error;
@@ -19,6 +18,8 @@ pub struct Material {
     name: String,
     names: Vec<String>,
     law: Arc<dyn LawKernels>,
+    /// Which of its parameters are stresses [Pa]; none where that is not known.
+    stresses: Vec<usize>,
     rows: Arc<Rows>,
 }
 
@@ -62,7 +63,13 @@ impl Material {
         }
         let prepared = parameters.iter().map(|row| law.prepare(row)).collect();
         let rows = Rows { parameters, prepared, moduli: OnceLock::new() };
-        Ok(Material { name: name.to_string(), names, law, rows: Arc::new(rows) })
+        Ok(Material {
+            name: name.to_string(),
+            names,
+            law,
+            stresses: Vec::new(),
+            rows: Arc::new(rows),
+        })
     }
 
     /// The law's name.
@@ -114,13 +121,19 @@ impl Material {
         of_cell(&self.rows.prepared, cell).as_slice()
     }
 
-    /// The size of the stresses that cancel in a cell [Pa]: its largest parameter, or the moduli at rest of a formula or of
-    /// several laws, whose parameters may be anything.
+    /// With these of its parameters known to be stresses [Pa].
+    pub(super) fn with_stresses(self, stresses: Vec<usize>) -> Self {
+        Material { stresses, ..self }
+    }
+
+    /// The size of the stresses that cancel in a cell [Pa]: the largest of its parameters that are stresses, or the moduli at
+    /// rest of a law of which it is not known which those are.
     pub fn scale(&self, cell: usize) -> f64 {
-        if self.name.starts_with(FORMULA) || self.name.starts_with(SEVERAL) {
-            return self.moduli_of_cell(cell).iter().sum();
+        if self.stresses.is_empty() {
+            return self.moduli_of_cell(cell).iter().map(|modulus| modulus.abs()).sum();
         }
-        self.of_cell(cell).iter().fold(0.0, |max, p| p.abs().max(max))
+        let row = self.of_cell(cell);
+        self.stresses.iter().fold(0.0, |most, &k| row[k].abs().max(most))
     }
 
     /// Whether the energy of a cell has a switch, where its power series ends.

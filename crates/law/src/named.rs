@@ -20,7 +20,8 @@ impl Material {
     pub fn new(name: &str, parameters: Vec<Vec<f64>>) -> Result<Self, Error> {
         let law = NamedLaw::new(name)?;
         let of_row = law.of_rows(&parameters)?;
-        let material = Self::of_kernels(name, law.parameter_names(), law.kernels(), parameters)?;
+        let material = Self::of_kernels(name, law.parameter_names(), law.kernels(), parameters)?
+            .with_stresses(law.stresses());
         for (row, values) in material.parameters().iter().enumerate() {
             law.check(of_row[row], row, values)?;
         }
@@ -71,6 +72,15 @@ impl<'a> NamedLaw<'a> {
                 let numbered = (1..=longest).map(|k| format!("parameter {k}"));
                 std::iter::once("law".to_string()).chain(numbered).collect()
             }
+        }
+    }
+
+    /// Which of the parameters its row says to be stresses; none for a formula and for several laws, whose parameters may be
+    /// anything.
+    fn stresses(&self) -> Vec<usize> {
+        match self {
+            NamedLaw::One(SingleLaw { row: Some(row), .. }) => row.stresses(),
+            _ => Vec::new(),
         }
     }
 

@@ -29,6 +29,14 @@ pub struct Row {
     pub kernels: fn() -> Arc<dyn LawKernels>,
 }
 
+impl Row {
+    /// The columns that are stresses [Pa], to which together the energy is proportional.
+    pub fn stresses(&self) -> Vec<usize> {
+        let is_stress = |&k: &usize| self.parameters[k].kind == Kind::Stress;
+        (0..self.parameters.len()).filter(is_stress).collect()
+    }
+}
+
 /// A parameter of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {

@@ -3,7 +3,6 @@
 use super::formula::COMPONENTS;
 use super::material::Material;
 use super::named::{NamedLaw, SingleLaw};
-use super::rows::Kind;
 use crate::error::Error;
 use viscera_number::tensor::Mat3;
 
@@ -107,8 +106,7 @@ fn lame(young: f64, poisson: f64) -> [f64; 2] {
 /// The parameters to which, together, the energy is proportional.
 fn stresses(law: &SingleLaw<'_>, rows: &[&[f64]]) -> Result<Vec<usize>, Error> {
     if let Some(row) = law.row {
-        let is_stress = |&k: &usize| row.parameters[k].kind == Kind::Stress;
-        return Ok((0..row.parameters.len()).filter(is_stress).collect());
+        return Ok(row.stresses());
     }
     let own = law.names.iter().filter(|name| !COMPONENTS.contains(&name.as_str())).count();
     // In one cell a parameter may be zero, and others then without effect: each is tried where it is largest.

@@ -99,3 +99,23 @@ fn moduli_do_not_depend_on_how_fibres_lie() {
         }
     }
 }
+
+/// Of a built-in law it is the largest of its parameters that are stresses: numbers may be as large as they like.
+#[test]
+fn the_size_of_the_stresses_is_that_of_the_parameters_that_are_stresses() {
+    for row in viscera_law::ROWS {
+        let stresses = row.stresses();
+        let scaled: Vec<f64> = (row.sample.iter().enumerate())
+            .map(|(k, value)| if stresses.contains(&k) { 2.0 * value } else { *value })
+            .collect();
+        let scale =
+            |values: &[f64]| Material::new(row.name, vec![values.to_vec()]).unwrap().scale(0);
+        let (one, two) = (scale(row.sample), scale(&scaled));
+        assert!((two - 2.0 * one).abs() < 1e-12 * one, "{}: {one} {two}", row.name);
+        let largest = stresses.iter().fold(0.0f64, |most, &k| most.max(row.sample[k].abs()));
+        assert_eq!(one, largest, "{}", row.name);
+    }
+    let chains = |lock: f64| Material::new("arruda_boyce", vec![vec![1e3, lock, 2e3]]);
+    let scale = |lock| chains(lock).unwrap().scale(0);
+    assert_eq!(scale(3.0), scale(1e12));
+}
