@@ -317,9 +317,7 @@ impl Stepper {
     /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
     /// at once, nor a surface through another or a tool. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> Taken {
-        let longest = self.increment.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
-        let whole = if longest > self.length { self.length / longest } else { 1.0 };
-        let whole = whole.min(self.contact.longest(&self.displacement, &self.step));
+        let whole = self.within_length().min(self.contact.longest(&self.displacement, &self.step));
         let taken = backtrack(whole, MAX_CUTS, |length| {
             self.try_at(length);
             let energy = self.force_within_bounds(body);
@@ -333,6 +331,13 @@ impl Stepper {
         let energy = body.internal_force(&self.displacement, &mut self.internal);
         self.complete(body);
         Taken { length: 0.0, energy, is_allowed: false }
+    }
+
+    /// The part of the step whose increment takes no free node farther than the body is long; 1 mostly.
+    fn within_length(&self) -> f64 {
+        let squares = self.increment.chunks_exact(3).map(|w| dot(w, w));
+        let longest = squares.fold(0.0, f64::max).sqrt();
+        if longest > self.length { self.length / longest } else { 1.0 }
     }
 
     /// Goes back from where a step led among tools, if it led beyond the place on its way where what is out of balance has

@@ -2,6 +2,7 @@
 
 use super::super::barrier::VolumeBarrier;
 use super::*;
+use crate::number::dot;
 
 /// Of the bar that is pulled [m].
 const SIZE: [f64; 3] = [0.4, 0.2, 0.2];
@@ -92,6 +93,28 @@ fn so_it_does_by_conjugate_gradients_and_in_three_iterations_a_frame() {
                 comes_back(law, &parameters, [0.0, 0.0, -1.0], &settings);
             }
         }
+    }
+}
+
+/// Hooke's law takes any load, which has equal components here: a node's way is longer than each of them.
+#[test]
+fn no_node_goes_farther_in_an_iteration_than_the_body_is_long() {
+    let body = body("linear", &lame(1e4, 0.3), [4, 2, 2], SIZE);
+    let end = nodes(&body, |x| x[0] == SIZE[0]);
+    let mut force = vec![0.0; body.n_dofs()];
+    for dof in dofs(&end) {
+        force[dof as usize] = 1e6;
+    }
+    let long = dot(&SIZE, &SIZE).sqrt();
+    for iterations in [1, 3] {
+        let settings = StepperSettings { iterations, ..Default::default() };
+        let mut stepper = Stepper::new(&body, &root(&body), None, settings).unwrap();
+        stepper.frame(&body, &Input { force: &force, ..STILL }).unwrap();
+        let ways = stepper.displacement().chunks_exact(3).map(|u| dot(u, u).sqrt());
+        let farthest = ways.fold(0.0, f64::max) / f64::from(u16::try_from(iterations).unwrap());
+        // Rounding of a quotient and a product.
+        let of_length = farthest / long;
+        assert!((of_length - 1.0).abs() < 1e-12, "{of_length} lengths an iteration");
     }
 }
 
