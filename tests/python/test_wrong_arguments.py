@@ -193,6 +193,7 @@ Make = Callable[[vs.Organ], Any]
         (lambda o: vs.MooneyRivlin(1, 1, kappa=1, volumetric=[]), "volumetric form .* is unknown"),  # type: ignore[arg-type]
         (lambda o: vs.Ogden(mu=None, alpha=[1], poisson=0.3), "mu1 must be one number"),  # type: ignore[arg-type]
         (lambda o: vs.helical_fibres(o.mesh, 30, axis="z"), "the axis of helical fibres must be three finite numbers"),
+        (lambda o: vs.Prony(g=[], tau=[]), "relaxation has neither moduli g nor times tau; give one of each at least"),
         (lambda o: vs.Prony(g=0.1, tau=1), "relaxation g must be a list of numbers, got 0.1"),  # type: ignore[arg-type]
         (lambda o: vs.Newmark(beta="a"), "beta of Newmark must be a number"),  # type: ignore[arg-type]
         (lambda o: vs.Vary("young", "low", 2), "the range of young must be a number"),

@@ -79,7 +79,11 @@ class Prony:
             given = numbers_of(values)
             if given is None or given.ndim != 1 or not np.isfinite(given).all():
                 raise refused(f"relaxation {name}", "a list of numbers", values)
-        if len(self.g) == 0 or len(self.g) != len(self.tau):
+        if len(self.g) == len(self.tau) == 0:
+            raise VisceraError(
+                "relaxation has neither moduli g nor times tau; give one of each at least, or no relaxation"
+            )
+        if len(self.g) != len(self.tau):
             raise VisceraError(
                 f"relaxation has {len(self.g)} moduli g and {len(self.tau)} times tau; give one time for each modulus"
             )

@@ -29,7 +29,12 @@ impl Prony {
     /// # Errors
     /// Lists of different or no length, a value out of range.
     pub fn check(&self) -> Result<(), Error> {
-        if self.g.is_empty() || self.g.len() != self.tau.len() {
+        if self.g.is_empty() && self.tau.is_empty() {
+            return Err(Error::input(
+                "relaxation has neither moduli g nor times tau; give one of each at least, or no relaxation",
+            ));
+        }
+        if self.g.len() != self.tau.len() {
             return Err(Error::input(format!(
                 "relaxation has {} moduli g and {} times tau; give one time for each modulus",
                 self.g.len(),

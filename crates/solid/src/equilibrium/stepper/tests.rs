@@ -331,6 +331,8 @@ fn bad_settings_are_refused_with_the_value_and_what_to_do() {
         (with(&|s| s.relaxation = prony(&[0.5, 0.6], &[1.0, 1.0])), "sum below 1"),
         (with(&|s| s.relaxation = prony(&[0.5], &[0.0])), "tau = 0 s"),
         (with(&|s| s.relaxation = prony(&[0.5], &[])), "one time for each modulus"),
+        (with(&|s| s.relaxation = prony(&[], &[0.5])), "0 moduli g and 1 times tau"),
+        (with(&|s| s.relaxation = prony(&[], &[])), "neither moduli g nor times tau; give one of"),
     ];
     for (sentence, expected) in cases {
         assert!(sentence.contains(expected), "{sentence:?} does not say {expected:?}");
