@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from viscera import _core
-from viscera.boundary.ties import Tied, Ties
+from viscera.boundary.ties import Tied, Ties, carried
 from viscera.errors import VisceraError
 from viscera.files.mesh import EDGES
 from viscera.mesh import Floats, Mesh
@@ -135,6 +135,7 @@ class Deformed(Sealed):
         Of a support that several organs of a scene share, the force on all of them; `state["liver"]` tells that on one.
         A reduced model finds its supports and bonds anew by place and stiffness, and refuses what it does not find.
         `touch.organ().supports[0]` has all supports and bonds of a model; its force is that of all supports.
+        With stiffness damping, that of a frame has it too; `organ.moved(frame)` is a shape at rest, without damping.
 
         >>> import viscera as vs
         >>> bed = vs.ElasticSupport("z < 1%", stiffness=1e6)
@@ -146,10 +147,7 @@ class Deformed(Sealed):
 
     def _carried(self, support: Tied | Bond, its: list[Ties]) -> Floats:
         """What the samples of a support or a bond carry (3,) [N]."""
-        _, displacement = self._from_rest()
-        if isinstance(support, Ties):  # those of a model together, of which bonds pull on both of their organs
-            return np.asarray(sum(ties.force_on_all(displacement) for ties in its))
-        return np.asarray(sum(ties.force(displacement) for ties in its))
+        return carried(support, its, self._from_rest()[1])
 
     def _its_ties(self, support: Tied | Bond) -> list[Ties]:
         """The samples of a support or of a bond; raises `VisceraError` if it is none of the organ's."""

@@ -5,6 +5,7 @@ use crate::{interrupt::interruptible, threads::detached};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use viscera_core::body::{self, Curvature, Ties};
 use viscera_core::contact::Pose;
 use viscera_core::equilibrium::{
     self, Dynamics, Input, Integration, Mass, Origin, Prony, StepperSettings, Torque, Turn,
@@ -184,6 +185,7 @@ impl Stepper {
         let dict = PyDict::new(py);
         dict.set_item("displacement", field(py, stepper.displacement())?)?;
         dict.set_item("reactions", convert::field(py, stepper.reactions().collect())?)?;
+        dict.set_item("damping", damping(py, body, stepper)?)?;
         dict.set_item("patch_forces", convert::table(py, &frame.patch_forces)?)?;
         dict.set_item("patch_torques", convert::table(py, &frame.patch_torques)?)?;
         dict.set_item("residual", frame.residual)?;
@@ -203,6 +205,25 @@ impl Stepper {
         dict.set_item("tangent_on_device", stepper.origin().map(Origin::name))?;
         Ok(dict)
     }
+}
+
+/// Rayleigh's beta, the velocity that it damps, where its tangent was taken, and whether that was made convex; none
+/// without beta, or without what ties the body, whose force alone needs them.
+type Damping<'py> = (f64, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, bool);
+
+fn damping<'py>(
+    py: Python<'py>,
+    body: &body::Body,
+    stepper: &equilibrium::Stepper,
+) -> PyResult<Option<Damping<'py>>> {
+    let pulls = |ties: &Ties| !ties.stiffness.is_empty() || !ties.links.is_empty();
+    let Some(damping) = stepper.stiffness_damping().filter(|_| body.ties().is_some_and(pulls))
+    else {
+        return Ok(None);
+    };
+    let is_convex = damping.curvature == Curvature::Projected;
+    let (velocity, at) = (field(py, &damping.velocity)?, field(py, &damping.displacement)?);
+    Ok(Some((damping.beta, velocity, at, is_convex)))
 }
 
 fn field<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -14,9 +14,24 @@ from numpy.typing import NDArray
 
 from viscera import _core
 from viscera.mesh import Floats, Indices, Mesh
+from viscera.sealed import Sealed
 
 SAME = 1e-9
 """Relative difference of the weights and stiffnesses of two samples that is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Damping(Sealed):
+    """Rayleigh's damping by stiffness as it acted in a frame: nodal forces `-beta K(u) v`, with the tangent `K`."""
+
+    beta: float
+    """[s]."""
+    velocity: Floats
+    """`v` (n, 3) [m/s]: that of the rule in time."""
+    displacement: Floats
+    """`u` (n, 3) [m] where the tangent was taken."""
+    is_convex: bool
+    """Whether the tangent was left without its negative part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +66,24 @@ class Link:
         if now == 0.0 or (self.is_cable and stretch <= 0.0):
             return np.zeros(3)
         return -self.stiffness * stretch / now * between
+
+    def damping_force(self, damping: Damping) -> Floats:
+        """Force (3,) [N] on its first end of the damping by its tangent.
+
+        `-beta (k n n + k (l - l_0) / l (1 - n n)) v`, with the direction `n` from the second end to the first, the
+        length `l` and what `v` of the velocity lies between the ends. The tangent is the core's: without its negative
+        part if it is convex, `k` in all directions at no length, none of a slack cable.
+        """
+        between = self.rest + self.offset(damping.displacement)
+        now = float(np.linalg.norm(between))
+        stretch = now - self.length
+        if self.is_cable and stretch <= 0.0:
+            return np.zeros(3)
+        across = self.stiffness * (stretch / now if now > 0.0 else 1.0)
+        across = max(across, 0.0) if damping.is_convex else across
+        rate = self.offset(damping.velocity)
+        along = between / now * (between @ rate / now) if now > 0.0 else np.zeros(3)
+        return np.asarray(-damping.beta * (self.stiffness * along + across * (rate - along)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,21 +143,23 @@ class Ties:
         pairs = [(pair.first, pair.second, pair.reach, pair.stiffness, pair.friction) for pair in self.surfaces]
         return *self.arrays, links, pairs
 
-    def force(self, displacement: Floats) -> Floats:
-        """Total force (3,) [N] on the first of what they tie, at a displacement (n, 3) [m].
+    def force(self, displacement: Floats, damping: Damping | None = None) -> Floats:
+        """Total force (3,) [N] on the first of what they tie, at a displacement (n, 3) [m], with that of damping.
 
         That is what the positive weights belong to: the organ that a support holds, the first organ of a bond.
         """
-        return np.asarray(sum((link.force(displacement) for link in self.links), self._pulls(displacement).sum(axis=0)))
+        pulls, of_links = self._pulls_damped(displacement, damping)
+        return np.asarray(sum(of_links, pulls.sum(axis=0)))
 
-    def force_on_all(self, displacement: Floats) -> Floats:
-        """Total force (3,) [N] on all nodes, at a displacement (n, 3) [m].
+    def force_on_all(self, displacement: Floats, damping: Damping | None = None) -> Floats:
+        """Total force (3,) [N] on all nodes, at a displacement (n, 3) [m], with that of damping.
 
         Each sample counts by the sum of its weights: what pulls two surfaces together adds nothing.
         """
+        pulls, of_links = self._pulls_damped(displacement, damping)
         sums = np.add.reduceat(self.weights, self._begins) if len(self) else np.zeros(0)
-        held = sum((link.share * link.force(displacement) for link in self.links), np.zeros(3))
-        return np.asarray(held + sums @ self._pulls(displacement))
+        held = sum((link.share * force for link, force in zip(self.links, of_links, strict=True)), np.zeros(3))
+        return np.asarray(held + sums @ pulls)
 
     def on_nodes(self, displacement: Floats) -> Floats:
         """Force (n, 3) [N] of the samples on each node, at a displacement (n, 3) [m]."""
@@ -172,6 +207,14 @@ class Ties:
             return np.zeros((0, 3))
         stretch = np.add.reduceat(self.weights[:, None] * displacement[self.nodes], self._begins)
         return np.asarray(-np.einsum("sij,sj->si", self.stiffness.reshape(-1, 3, 3), stretch))
+
+    def _pulls_damped(self, displacement: Floats, damping: Damping | None) -> tuple[Floats, list[Floats]]:
+        """Forces [N] of the samples (s, 3) and of each link (3,), with those of damping."""
+        of_links = [link.force(displacement) for link in self.links]
+        if damping is None:
+            return self._pulls(displacement), of_links
+        of_links = [force + link.damping_force(damping) for link, force in zip(self.links, of_links, strict=True)]
+        return self._pulls(displacement + damping.beta * damping.velocity), of_links  # the samples are linear
 
     def holds(self, other: Ties) -> bool:
         """Whether all samples of another are among these, as those of one support are among those of all.
@@ -236,6 +279,15 @@ def _are_among(its: Sequence[tuple[Floats, Floats]], own: Sequence[tuple[Floats,
 
 
 NONE = Ties(np.zeros(1, dtype=np.uint32), np.empty(0, dtype=np.uint32), np.empty(0), np.empty((0, 9)))
+
+
+def carried(support: object, its: Sequence[Ties], displacement: Floats, damping: Damping | None = None) -> Floats:
+    """Force (3,) [N] of the samples of a support or a bond, as `Ties.force` counts it.
+
+    If the support is the ties of a model together, of which bonds pull on both of their organs, that on all nodes.
+    """
+    force = Ties.force_on_all if isinstance(support, Ties) else Ties.force
+    return np.asarray(sum(force(ties, displacement, damping) for ties in its))
 
 
 def joined(parts: Sequence[Ties]) -> Ties:

@@ -10,7 +10,7 @@ import numpy as np
 
 from viscera import _core
 from viscera.boundary.loads import Where
-from viscera.boundary.ties import Tied
+from viscera.boundary.ties import Damping, Tied, Ties, carried
 from viscera.contact.forceps import Forceps, JawForces
 from viscera.contact.instrument import Instrument
 from viscera.contact.pair import ContactPair, unknown_contact
@@ -24,6 +24,7 @@ from viscera.stepping.hand import Hand
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from viscera.boundary.bond import Bond
     from viscera.organ import Organ
 
 
@@ -79,6 +80,7 @@ class Frame(Deformed, Pictured):
     _patch_forces: Floats
     _organ: Organ
     _relaxes: bool
+    _damping: Damping | None
     _contacts: list[tuple[Instrument, Contact]]
     _pairs: list[tuple[Tied, Contact]]
     _hands: list[tuple[Hand, Floats, Floats]]
@@ -116,6 +118,9 @@ class Frame(Deformed, Pictured):
 
     def _nodal(self) -> dict[str, Floats]:
         return {"reaction": self._reactions}
+
+    def _carried(self, support: Tied | Bond, its: list[Ties]) -> Floats:
+        return carried(support, its, self.displacement, self._damping)
 
     def _lacks_stress(self) -> str:
         """A frame does not hold the history of tissue that relaxes."""

@@ -24,6 +24,7 @@ from viscera.boundary.loads import (
     pressed_faces,
     shares,
 )
+from viscera.boundary.ties import Damping
 from viscera.contact.forceps import Forceps
 from viscera.contact.instrument import Instrument
 from viscera.contact.shapes import AnyShape, Box, Capsule, Sphere
@@ -297,6 +298,7 @@ class Stepper:
             _patch_forces=result["patch_forces"],
             _organ=self._organ,
             _relaxes=self._relaxes,
+            _damping=None if result["damping"] is None else Damping(*result["damping"]),
             _contacts=list(felt.items()),
             _pairs=list(zip(pairs, contacts(self._core.contact_pairs()), strict=True)) if pairs else [],
             _hands=[(hand, *hand._last()) for hand in self._hands],

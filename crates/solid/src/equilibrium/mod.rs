@@ -23,8 +23,8 @@ pub use outcome::{Equilibrium, Seconds, Status};
 pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem, patch_mean};
 pub use stepper::{
-    Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings, Torque, Turn,
-    VOLUME_BOUNDS,
+    Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings, StiffnessDamping,
+    Torque, Turn, VOLUME_BOUNDS,
 };
 pub use system::{
     Choice, ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSeries, DeviceSolution,

@@ -60,6 +60,9 @@ impl Stepper {
     /// `f_ext - f_int - K s - M a - C v` with the step `s` of the hands, in `residual`; the tangent becomes that of
     /// the frame.
     pub(super) fn balance(&mut self, curvature: Curvature) {
+        if let Some(damping) = &mut self.stiffness_damping {
+            damping.linearize(&self.displacement, curvature);
+        }
         let beta = self.motion.as_ref().map_or(0.0, |motion| motion.damping[1]);
         self.increment.copy_from_slice(&self.step);
         if let Some(motion) = self.motion.as_ref().filter(|_| beta > 0.0) {
@@ -110,15 +113,16 @@ impl Stepper {
             let (velocity, acceleration) = (&motion.trial_velocity, &motion.trial_acceleration);
             motion.mass.add_product(1.0, acceleration, &mut self.inertia);
             self.regions.raise(&mut scale, &self.inertia);
-            let [alpha, beta] = motion.damping;
+            let [alpha, _] = motion.damping;
             motion.mass.add_product(alpha, velocity, &mut self.inertia);
-            if beta > 0.0 {
-                // K of the frame's start, out of its tangent `of_mass M + of_stiffness K` and that of the tools.
+            if let Some(damping) = &mut self.stiffness_damping {
+                damping.velocity.copy_from_slice(velocity);
+                // K of the last iteration's start, out of its tangent `of_mass M + of_stiffness K` and that of the tools.
                 let [of_mass, of_stiffness] = motion.tangent_factors();
                 self.tangent.multiply(velocity, &mut self.increment);
                 motion.mass.add_product(-of_mass, velocity, &mut self.increment);
                 self.contact.add_product(-1.0, velocity, &mut self.increment);
-                let factor = beta / of_stiffness;
+                let factor = damping.beta / of_stiffness;
                 self.inertia.iter_mut().zip(&self.increment).for_each(|(r, k)| *r += factor * k);
             }
         }

@@ -9,6 +9,7 @@
 mod balance;
 mod barrier;
 mod contact;
+mod damping;
 mod extrapolation;
 mod frame;
 mod mass;
@@ -23,6 +24,7 @@ mod step;
 mod tests;
 mod turn;
 
+pub use damping::StiffnessDamping;
 pub use frame::{Frame, Input};
 pub use relaxation::Prony;
 pub use settings::{Dynamics, Integration, Mass, StepperSettings};
@@ -80,6 +82,7 @@ pub struct Stepper {
     solver: ConstrainedSystem,
     tangent: Tangent,
     motion: Option<Motion>,
+    stiffness_damping: Option<StiffnessDamping>,
     relaxation: Option<Relaxation>,
     /// What gravity pulls at [kg]: with inertia that of the mass matrix.
     nodal_mass: Vec<f64>,
@@ -175,6 +178,8 @@ impl Stepper {
             }
             None => None,
         };
+        let stiffness_damping =
+            settings.dynamics.as_ref().and_then(|dynamics| StiffnessDamping::new(dynamics, n));
         let nodal_mass = match &motion {
             Some(motion) => motion.mass.weights(),
             None if settings.density.is_empty() => Vec::new(),
@@ -201,6 +206,7 @@ impl Stepper {
             turning: Vec::new(),
             torques: Vec::new(),
             motion,
+            stiffness_damping,
             relaxation,
             nodal_mass,
             pressure: Pressure::default(),
