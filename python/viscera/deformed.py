@@ -59,8 +59,8 @@ class Deformed(Sealed):
         return f"{inverted.sum()} of {len(inverted)} cells are inside out" if inverted.any() else ""
 
     def _nodal(self) -> dict[str, Floats]:
-        """Further fields at nodes of its files, by name."""
-        return {}
+        """Fields at nodes of its files beside the stress, by name: `displacement` (n, 3) [m] and further ones."""
+        return {"displacement": self._seen()[1]}
 
     @cached_property
     def _response(self) -> Response:
@@ -265,7 +265,7 @@ class Deformed(Sealed):
         """
         target, (mesh, displacement) = statefile.checked(path), self._seen()
         points, cells = ({}, {}) if statefile.is_bare(target) else self.fields()
-        statefile.write(target, mesh, displacement, {"displacement": displacement} | self._nodal() | points, cells)
+        statefile.write(target, mesh, displacement, self._nodal() | points, cells)
 
     def at(self, points: ArrayLike) -> PointValues:
         """Displacement, stress and strain at points (k, 3) [m] of the undeformed mesh.

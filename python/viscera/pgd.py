@@ -175,17 +175,17 @@ class Pgd(Sealed):
         The folder is made if it is missing, the one that it lies in is not.
         Point data: `F_p` (n, 3) and `G_p` (n,) [m] of each order p that has a pair i; G is 0 off the positions.
         """
-        from viscera.output.paraview import in_folder, write_series
+        from viscera.output.paraview import Frame, in_folder, write_series
 
-        listing, frames = in_folder(folder, "modes.pvd"), []
+        listing, frames = in_folder(folder, "modes.pvd"), list[Frame]()
         for i in range(max(self.counts)):
             data: dict[str, Floats] = {}
             for p, order in enumerate(self.orders, start=1):
                 has_pair = i < len(order.F)
                 data[f"F_{p}"] = order.F[i] if has_pair else np.zeros_like(self.mesh.points)
                 data[f"G_{p}"] = self.over_nodes(order.G[i]) if has_pair else np.zeros(len(self.mesh.points))
-            frames.append((float(i + 1), data))
-        return write_series(listing, self.mesh, frames)
+            frames.append((float(i + 1), self.mesh, data, {}))
+        return write_series(listing, frames)
 
     def write_path(self, folder: str | Path, path: Sequence[Place], a: float = 1.0) -> list[Path]:
         """Write the organ under a load that moves along a path of points: `path.pvd` and one VTU file per point.
@@ -194,8 +194,9 @@ class Pgd(Sealed):
         """
         from viscera.output.paraview import in_folder, write_series
 
-        frames = [(float(k), {"displacement": self.displacement(s, a)}) for k, s in enumerate(path)]
-        return write_series(in_folder(folder, "path.pvd"), self.mesh, frames)
+        moved = [{"displacement": self.displacement(s, a)} for s in path]
+        frames = [(float(k), self.mesh, points, dict[str, Floats]()) for k, points in enumerate(moved)]
+        return write_series(in_folder(folder, "path.pvd"), frames)
 
     def over_nodes(self, G: Floats) -> Floats:
         """A function of the position (m,) at all nodes (n,); it is 0 at nodes where no load may act."""

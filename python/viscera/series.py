@@ -24,9 +24,9 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
     """Writes shapes of one organ at rising times [s], load factors or the like: `[(time, state), ...]`.
 
     A moment is a state, a frame, the answer of a reduced model or `Organ.moved` of a displacement along a path.
-    `.pvd`: a time series for ParaView, with one VTU file per moment beside it: `displacement`, stresses and strains as
-    in `State.write`. `.glb`, `.gltf`: the surface before it moves and an animation that blends from shape to shape,
-    z turned up; it begins at time 0 with the first of them. Returns all paths written.
+    `.pvd`: a time series for ParaView, with one VTU file per moment beside it, the same as by its own `write`: moments
+    may differ in their fields. `.glb`, `.gltf`: the surface before it moves and an animation that blends from shape to
+    shape, z turned up; it begins at time 0 with the first of them. Returns all paths written.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -50,10 +50,10 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
         from viscera.output import paraview
 
         frames: list[paraview.Frame] = []
-        for time, (_, shape), (_, displacement) in zip(times, moments, seen, strict=True):
+        for time, (_, shape), (own, _) in zip(times, moments, seen, strict=True):
             at_nodes, in_cells = shape.fields()
-            frames.append((time, {"displacement": displacement} | at_nodes, in_cells))
-        return paraview.write_series(target, mesh, frames)
+            frames.append((time, own, shape._nodal() | at_nodes, in_cells))
+        return paraview.write_series(target, frames)
     if len(times) > MOST_SHAPES:
         raise VisceraError(
             f"{target}: {len(times)} moments; glTF viewers take at most {MOST_SHAPES}, so leave some out"

@@ -103,7 +103,7 @@ class State(Deformed, Pictured):
         return self._organ, self._displacement_from_rest
 
     def _nodal(self) -> dict[str, Floats]:
-        return {"reaction": self._held}
+        return super()._nodal() | {"reaction": self._held}
 
     @cached_property
     def message(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -63,6 +64,55 @@ def test_a_path_is_a_series_over_the_load(organ: vs.Organ, tmp_path: Path) -> No
     assert (np.diff(times) > 0).all()
     end = meshio.read(listed(tmp_path / "path.pvd")[-1][1]).point_data["displacement"]
     assert end == pytest.approx(path.curve(4)[1][-1])
+
+
+def same(first: Path, second: Path) -> None:
+    """Two `.vtu` files hold the same axes, sets and fields."""
+    assert vs.read(first).axes == vs.read(second).axes
+    a, b = meshio.read(first), meshio.read(second)
+    assert a.point_data.keys() == b.point_data.keys()
+    assert a.cell_data.keys() == b.cell_data.keys()
+    for name, values in b.point_data.items():
+        assert (a.point_data[name] == values).all(), name
+    for name, (values,) in b.cell_data.items():
+        assert (a.cell_data[name][0] == values).all(), name
+
+
+def test_a_moment_is_the_file_that_it_writes_by_itself(organ: vs.Organ, tmp_path: Path) -> None:
+    """With its axes, the sets of its mesh, and the fields that it has, which differ between the moments."""
+    stated = replace(organ.mesh, axes="LPS", cell_sets={"first half": np.arange(96, dtype=np.uint32)})
+    organ = vs.Organ(stated, organ.law, fixed="root")
+    state = organ.solve(force={"tip": (0.0, 0.0, -1.0)})
+    seen = stated.surface_nodes
+    found = organ.register(points=(stated.points[seen], (stated.points + state.displacement)[seen]), noise="1 mm")
+    frame = organ.stepper().frame(force={"tip": (0.0, 0.0, -1.0)})
+    moments = [organ.moved(0.5 * state.displacement), state, frame, found]
+    vs.write_series(tmp_path / "mixed.pvd", list(enumerate(moments)))
+    for number, moment in enumerate(moments):
+        moment.write(tmp_path / "alone.vtu")
+        same(tmp_path / f"mixed_{number:04d}.vtu", tmp_path / "alone.vtu")
+    own = [meshio.read(tmp_path / f"mixed_{number:04d}.vtu").point_data for number in range(4)]
+    assert ["reaction" in fields for fields in own] == [False, True, True, False]
+    mesh = vs.read(tmp_path / "mixed_0001.vtu")
+    assert mesh.axes == "LPS"
+    assert {*mesh.sets, *mesh.cell_sets} == {"root", "tip", "first half"}
+    assert "band" in own[3]
+
+
+def test_a_moment_of_a_path_deforms_the_image_of_its_own_axes(organ: vs.Organ, tmp_path: Path) -> None:
+    """The field of a moment in LPS axes is that of the organ, also where the image is in RAS axes."""
+    pytest.importorskip("SimpleITK")
+    mesh = replace(organ.mesh, points=organ.mesh.points - [0.2, 0.05, 0.05], axes="LPS")
+    lps = vs.Organ(mesh, organ.law, fixed="root")
+    path = lps.path(force={"tip": (0.0, 0.5, -1.0)})
+    vs.Scan.of(mesh, voxel=0.02).write(tmp_path / "scan.nii.gz")
+    last = path.write(tmp_path / "path.pvd", samples=3)[-1]
+    shape, displacement = vs.output.state.read(last, in_scan=True)
+    read = vs.Organ(shape, organ.law, fixed=organ.fixed).moved(displacement).on_grid(tmp_path / "scan.nii.gz")
+    expected = lps.moved(path.curve(3)[1][-1]).on_grid(tmp_path / "scan.nii.gz")
+    assert expected.inside.sum() > 100
+    assert (read.inside == expected.inside).all()
+    assert read.displacement == pytest.approx(expected.displacement, abs=1e-12)
 
 
 def scene_of(data: bytes) -> tuple[dict[str, Any], bytes]:

@@ -13,8 +13,8 @@ from viscera.mesh import Floats, Mesh
 from viscera.output import state as statefile
 from viscera.quantity import path_of
 
-Frame = tuple[float, Mapping[str, Floats]] | tuple[float, Mapping[str, Floats], Mapping[str, Floats]]
-"""A moment, its point data by name, and its cell data."""
+Frame = tuple[float, Mesh, Mapping[str, Floats], Mapping[str, Floats]]
+"""A moment, its mesh, its point data by name, and its cell data."""
 
 
 def in_folder(folder: Name, name: str) -> Path:
@@ -25,23 +25,21 @@ def in_folder(folder: Name, name: str) -> Path:
     return made_folder(target) / name
 
 
-def write_series(path: Path, mesh: Mesh, frames: Sequence[Frame]) -> list[Path]:
+def write_series(path: Path, frames: Sequence[Frame]) -> list[Path]:
     """Write NAME.pvd and beside it NAME_0000.vtu, ...; all their paths.
 
-    Points are at rest [m]; ParaView's filter Warp By Vector deforms them.
+    Points are at rest [m]; ParaView's filter Warp By Vector deforms them. Each file has the fields of its moment alone,
+    and the sets and the world axes of its mesh.
     """
-    import meshio
-
     if path.suffix != ".pvd":
         raise VisceraError(f"{path}: a time series is listed in a .pvd file; name one")
     if not frames:
         raise VisceraError(f"{path}: there is no moment to write")
     writable(path)
     files = []
-    for index, (_, data, *cells) in enumerate(frames):
+    for index, (_, mesh, points, cells) in enumerate(frames):
         target = path.with_name(f"{path.stem}_{index:04d}.vtu")
-        with replacing(target) as scratch:
-            meshio.vtu.write(scratch, statefile.volume(mesh, data, cells[0] if cells else {}))
+        statefile.write_volume(target, mesh, points, cells)
         files.append(target)
     listing = "".join(
         f'<DataSet timestep="{time!r}" file={quoteattr(file.name)}/>\n'

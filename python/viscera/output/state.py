@@ -79,14 +79,14 @@ def write(
     cell_fields: (m,), or (m, 3, 3) as nine columns, row by row; in volumes alone.
     """
     ending = checked(path).suffix.lower()
+    if ending in VOLUMES:
+        write_volume(path, mesh, fields, cell_fields or {})
+        return
+    nodes, corners = np.unique(mesh.surface, return_inverse=True)
+    triangles = corners.reshape(-1, 3).astype(np.uint32)
+    shown = {name: field[nodes] for name, field in fields.items()}
     with replacing(path) as scratch:
-        if ending in VOLUMES:
-            _write_volume(scratch, ending, mesh, fields, cell_fields or {})
-        else:
-            nodes, corners = np.unique(mesh.surface, return_inverse=True)
-            triangles = corners.reshape(-1, 3).astype(np.uint32)
-            shown = {name: field[nodes] for name, field in fields.items()}
-            _write_surface(scratch, ending, (mesh.points + displacement)[nodes], triangles, shown)
+        _write_surface(scratch, ending, (mesh.points + displacement)[nodes], triangles, shown)
 
 
 def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, Floats]:
@@ -133,19 +133,26 @@ def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, 
     return quadratic, displacement
 
 
-def _write_volume(
-    path: Path, ending: str, mesh: Mesh, fields: Mapping[str, Floats], cell_fields: Mapping[str, Floats]
+def write_volume(
+    path: str | os.PathLike[str], mesh: Mesh, fields: Mapping[str, Floats], cell_fields: Mapping[str, Floats]
 ) -> None:
-    import meshio
-
-    grid = volume(mesh, fields, cell_fields)
+    """Writes the cells at rest in a volume format, with fields as in `write`, the sets and, in `.vtu`, the axes."""
+    grid, ending = _grid(mesh, fields, cell_fields), Path(path).suffix.lower()
     if ending != ".xdmf":
         add_masks(grid, ending, mesh.sets, mesh.cell_sets)
+    with replacing(path) as scratch:
+        _write_grid(scratch, ending, grid)
+        if ending == ".vtu" and mesh.axes:
+            moved = ", at rest; by the displacement to the axes of the intervention" if REGISTERED in fields else ""
+            state_axes(scratch, mesh.axes, moved)
+
+
+def _write_grid(path: Path, ending: str, grid: Any) -> None:
+    """Writes a grid of meshio in a volume format."""
+    import meshio
+
     if ending == ".vtu":
         meshio.vtu.write(path, grid)
-        if mesh.axes:
-            moved = ", at rest; by the displacement to the axes of the intervention" if REGISTERED in fields else ""
-            state_axes(path, mesh.axes, moved)
     elif ending == ".vtk":
         meshio.vtk.write(path, grid, fmt_version="4.2")
     elif ending == ".msh":
@@ -156,8 +163,8 @@ def _write_volume(
         meshio.xdmf.write(path, grid, data_format="XML")
 
 
-def volume(mesh: Mesh, fields: Mapping[str, Floats], cell_fields: Mapping[str, Floats]) -> Any:
-    """The cells at rest with their fields, as `write` takes them, for meshio."""
+def _grid(mesh: Mesh, fields: Mapping[str, Floats], cell_fields: Mapping[str, Floats]) -> Any:
+    """The cells at rest with their fields, as `write` takes them, in the form of meshio."""
     import meshio
 
     is_quadratic = len(mesh.edges) > 0

@@ -185,7 +185,8 @@ class Registered(Deformed, Pictured):
         return self.organ, self.displacement
 
     def _nodal(self) -> dict[str, Floats]:
-        return {statefile.REGISTERED: self.band, "is_observed": self.is_observed.astype(float)}
+        certainty = {statefile.REGISTERED: self.band, "is_observed": self.is_observed.astype(float)}
+        return super()._nodal() | certainty
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Draw the organ where it was found, coloured by its band. `path`: write a PNG file there.

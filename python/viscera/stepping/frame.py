@@ -117,7 +117,7 @@ class Frame(Deformed, Pictured):
         return self._organ, self.displacement
 
     def _nodal(self) -> dict[str, Floats]:
-        return {"reaction": self._reactions}
+        return super()._nodal() | {"reaction": self._reactions}
 
     def _carried(self, support: Tied | Bond, its: list[Ties]) -> Floats:
         return carried(support, its, self.displacement, self._damping)
