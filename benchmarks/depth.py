@@ -37,8 +37,9 @@ def without(data: bytes, name: str) -> bytes:
             start, end = about["data_offsets"]
             about["data_offsets"] = [len(kept), len(kept) + end - start]
             kept += body[start:end]
-    metadata = {**json.loads(header["__metadata__"]["viscera"]), "format_version": 1}
-    header["__metadata__"]["viscera"] = json.dumps(metadata)
+    metadata = json.loads(header["__metadata__"]["viscera"])
+    unsealed = {key: value for key, value in metadata.items() if key not in ("array_crc32", "crc32")}
+    header["__metadata__"]["viscera"] = json.dumps({**unsealed, "format_version": 1})
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 8)
     return struct.pack("<Q", len(text)) + text + kept
