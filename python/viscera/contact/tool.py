@@ -146,8 +146,8 @@ class Contact(Sealed):
     sliding: int
     """Number of these that slide."""
     is_inside: bool
-    """Whether the tool is inside the organ, too thin or too fast for the samples of the surface to notice; then none of
-    these numbers holds, and the frame has not settled. `Organ.solve` ends before that."""
+    """Whether the tool is inside the organ or has come through it, too thin or too fast for the samples of the surface
+    to notice; then none of these numbers holds, and the frame has not settled. `Organ.solve` ends before that."""
     pressures: Floats
     """Pressure (n,) at nodes [Pa], per area at rest: the mean of the samples around that touch; negative only where
     bonded."""

@@ -44,16 +44,25 @@ pub fn depth(shape: &Shape, spine: &[[f64; 3]]) -> f64 {
     }
 }
 
+/// The straight way of a point from one place to another [m].
+pub type Way = [[f64; 3]; 2];
+
 /// Whether a body displaced by `u` holds one of the points, in the straight cells between its corners.
 pub fn holds(body: &Body, u: &[f64], points: &[[f64; 3]]) -> bool {
-    first_held(body, u, &[points]).is_some()
+    let still: Vec<Way> = points.iter().map(|x| [*x; 2]).collect();
+    meets(body, u, &still)
 }
 
-/// The first of some sets of points of which a body displaced by `u` holds one, see [`holds`].
-pub fn first_held<P: AsRef<[[f64; 3]]>>(body: &Body, u: &[f64], sets: &[P]) -> Option<usize> {
-    let sets: Vec<_> = sets.iter().map(AsRef::as_ref).filter(|points| !points.is_empty()).collect();
-    let around: Vec<_> = sets.iter().map(|points| bounds(points)).collect();
-    let [low, high] = bounds(&around.concat());
+/// Whether one of the ways leads into a body displaced by `u`, or through it however thin it is there.
+pub fn meets(body: &Body, u: &[f64], ways: &[Way]) -> bool {
+    first_met(body, u, &[ways]).is_some()
+}
+
+/// The first of some sets of ways of which one [meets] a body displaced by `u`.
+pub fn first_met<W: AsRef<[Way]>>(body: &Body, u: &[f64], sets: &[W]) -> Option<usize> {
+    let sets: Vec<_> = sets.iter().map(AsRef::as_ref).filter(|ways| !ways.is_empty()).collect();
+    let around: Vec<_> = sets.iter().map(|ways| bounds(ways.as_flattened())).collect();
+    let [low, high] = bounds(around.as_flattened());
     let place = |node: u32| {
         let node = node as usize;
         std::array::from_fn::<f64, 3, _>(|i| body.points()[node][i] + u[3 * node + i])
@@ -62,27 +71,42 @@ pub fn first_held<P: AsRef<[[f64; 3]]>>(body: &Body, u: &[f64], sets: &[P]) -> O
     for cell in body.cells() {
         let corners = cell.map(place);
         let [from, to] = bounds(&corners);
-        let meets =
+        let is_near =
             |low: &[f64; 3], high: &[f64; 3]| (0..3).all(|i| from[i] <= high[i] && to[i] >= low[i]);
-        if first > 0 && meets(&low, &high) {
-            let is_in = |number: &usize| {
+        if first > 0 && is_near(&low, &high) {
+            let is_met = |number: &usize| {
                 let [low, high] = &around[*number];
-                meets(low, high) && sets[*number].iter().any(|x| is_between(&corners, *x))
+                is_near(low, high) && sets[*number].iter().any(|way| crosses(&corners, *way))
             };
-            first = (0..first).find(is_in).unwrap_or(first);
+            first = (0..first).find(is_met).unwrap_or(first);
         }
     }
     (first < sets.len()).then_some(first)
 }
 
-/// Whether a point is on the inner side of all four faces of a cell, or on one.
-fn is_between(corners: &[[f64; 3]; 4], x: [f64; 3]) -> bool {
+/// Whether some of a way is on the inner side of all four faces of a cell, or on one.
+fn crosses(corners: &[[f64; 3]; 4], [from, to]: Way) -> bool {
     let volume = |[a, b, c, d]: [[f64; 3]; 4]| dot(sub(b, a), cross(sub(c, a), sub(d, a)));
     let whole = volume(*corners);
+    // The part of the way that is on the inner side of the faces so far.
+    let [mut begin, mut end] = [0.0f64, 1.0f64];
     (0..4).all(|i| {
-        let mut with = *corners;
-        with[i] = x;
-        volume(with) * whole.signum() >= -ROUNDING * whole.abs()
+        let inward = |x: [f64; 3]| {
+            let mut with = *corners;
+            with[i] = x;
+            volume(with) * whole.signum() + ROUNDING * whole.abs()
+        };
+        let [at_start, at_end] = [inward(from), inward(to)];
+        if at_start < 0.0 && at_end < 0.0 {
+            return false;
+        }
+        let passed = at_start / (at_start - at_end);
+        if at_start < 0.0 {
+            begin = begin.max(passed);
+        } else if at_end < 0.0 {
+            end = end.min(passed);
+        }
+        begin <= end
     })
 }
 
@@ -108,6 +132,25 @@ fn grid(low: [f64; 3], high: [f64; 3], count: [usize; 3]) -> Vec<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Into a cell, through it, along a face, past it; and through a cell as thin as a sheet.
+    #[test]
+    fn a_way_meets_the_cells_that_it_leads_through() {
+        let cell = |thick: f64| [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, thick]];
+        let down = |x: f64, y: f64, to: f64| [[x, y, 2.0], [x, y, to]];
+        for thick in [1.0, 1e-3] {
+            let mirrored = cell(thick).map(|[x, y, z]| [y, x, z]);
+            for corners in [cell(thick), mirrored, cell(thick).map(|[x, y, z]| [x, y, -z])] {
+                assert!(crosses(&corners, down(0.2, 0.3, -2.0)));
+                assert!(crosses(&corners, down(0.0, 0.3, -2.0)), "along a face");
+                assert!(!crosses(&corners, down(0.2, 0.3, 1.5)), "not so far");
+                assert!(!crosses(&corners, down(0.7, 0.7, -2.0)), "past it");
+                let inside = [0.2, 0.2, 0.1 * corners[3][2]];
+                assert!(crosses(&corners, [inside; 2]));
+                assert!(crosses(&corners, [[5.0; 3], inside]));
+            }
+        }
+    }
 
     #[test]
     fn a_spine_lies_half_a_thickness_deep() {

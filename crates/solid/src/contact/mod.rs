@@ -129,7 +129,7 @@ impl Contact {
                 100.0 * depth / self.diagonal
             )));
         }
-        if held.enters(body, u) {
+        if held.is_in(body, u) {
             return Err(Error::input(format!(
                 "tool {number}, {}, starts inside the organ; start it outside and move it in",
                 held.tool.shape.name()
@@ -148,18 +148,20 @@ impl Contact {
         known.cloned().unwrap_or_else(|| Arc::new(Samples::new(body, spacing, &self.is_held)))
     }
 
-    /// Looks for tools that are inside the body although its samples do not touch them; the number of the first, and
-    /// what it is. Those that [sweep](Contact::find_sweep) count as well, until the next step.
+    /// Looks, before a step [ends](Contact::end), for tools that are inside the body although its samples do not touch them,
+    /// or came through it; the number of the first, and what it is. Those that [sweep](Contact::find_sweep) count as well,
+    /// until the next step.
     pub fn find_entry(&mut self, body: &Body, u: &[f64]) -> Option<(usize, &'static str)> {
-        self.each(|held| held.is_inside = held.is_swept || held.enters(body, u));
-        let entered = |held: &Option<ActiveTool>| held.as_ref().is_some_and(|held| held.is_inside);
+        let Contact { tools, start, .. } = self;
+        tools.iter_mut().flatten().for_each(|held| held.find_entry(body, start, u));
+        let entered = |held: &Option<ActiveTool>| held.as_ref().is_some_and(ActiveTool::is_inside);
         let number = self.tools.iter().position(entered)?;
         Some((number, self.tools[number].as_ref()?.tool.shape.name()))
     }
 
     /// Looks for tools that have moved so far into a body displaced by `u`, or through it, that it cannot give way.
     pub fn find_sweep(&mut self, body: &Body, u: &[f64]) {
-        self.each(|held| held.is_swept = held.sweeps(body, u));
+        self.each(|held| held.find_sweep(body, u));
     }
 
     /// The part of the load, at most `to`, up to which tools move on from `from` without passing through a surface displaced

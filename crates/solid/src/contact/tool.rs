@@ -11,7 +11,6 @@ pub use anchored::Anchored;
 pub(super) use touching::Touching;
 
 use super::distance::Distance;
-use super::entry::{depth, spine};
 use super::friction::Friction;
 use super::layer::STIFFNESS;
 use super::pose::Pose;
@@ -22,6 +21,7 @@ use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;
 use near::Near;
 use std::sync::Arc;
+use sweep::Passage;
 use touching::along;
 
 /// Largest part of a cell's stiffness that the curvature of a shape may take from the tangent; at sharp edges it would
@@ -102,14 +102,7 @@ pub(super) struct ActiveTool {
     pressures: Vec<[f64; 2]>,
     /// The part of the last motion by which pressures are extrapolated for the bounds of friction; zero for those that are.
     pub extrapolated: f64,
-    /// See [`spine`].
-    spine: Vec<[f64; 3]>,
-    /// See [`depth`].
-    depth: f64,
-    /// See [`ActiveTool::sweeps`]; of the last step.
-    pub is_swept: bool,
-    /// Whether it was inside the body when that was last asked.
-    pub is_inside: bool,
+    passage: Passage,
 }
 
 impl Tool {
@@ -147,14 +140,10 @@ impl ActiveTool {
     pub fn new(tool: Tool, samples: Arc<Samples>) -> Self {
         let n = samples.len();
         let anchors = if tool.friction.is_none() { Vec::new() } else { vec![None; n] };
-        let spine = spine(&tool.shape);
         ActiveTool {
             pose: tool.pose,
             before: tool.pose,
-            depth: depth(&tool.shape, &spine),
-            spine,
-            is_inside: false,
-            is_swept: false,
+            passage: Passage::new(&tool),
             tool,
             slides: vec![[0.0; 3]; anchors.len()],
             pressures: vec![[0.0; 2]; anchors.len()],
@@ -360,6 +349,7 @@ impl ActiveTool {
         let samples = self.samples.clone();
         self.dissipation = 0.0;
         self.before = self.pose;
+        self.passage.end(&self.pose);
         let before = std::mem::take(&mut self.kept);
         self.kept.extend(self.touching.iter().map(|touching| touching.sample));
         self.kept.sort_unstable();
@@ -398,7 +388,7 @@ impl ActiveTool {
         let mut report = Report {
             gap: self.gap,
             dissipation: self.dissipation,
-            is_inside: self.is_inside,
+            is_inside: self.passage.is_inside,
             ..Report::default()
         };
         for touching in &self.touching {

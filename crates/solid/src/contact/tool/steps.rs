@@ -16,7 +16,7 @@ impl ActiveTool {
     /// A half-space has no other side. Of a body that next to nothing holds above it, a step may still be longer than any
     /// number of halvings makes short enough: it leads no deeper than the `diagonal` of the body.
     pub(in super::super) fn longest(&self, u: &[f64], step: &[f64], diagonal: f64) -> f64 {
-        let deeper = (DEEPER * self.depth).min(diagonal);
+        let deeper = (DEEPER * self.passage.depth).min(diagonal);
         let is_convex = !matches!(self.tool.shape, Shape::Solid(_));
         let fast = self.samples.by_face().filter(|(face, _)| face.speed(step) > deeper);
         let mut longest = f64::INFINITY;

@@ -384,8 +384,8 @@ impl Stepper {
             }
         };
         self.keep_motion(hands, progress.is_whole());
-        self.end(body);
         let is_entered = self.contact.find_entry(body, &self.displacement).is_some();
+        self.end(body);
         self.tail = progress.solved_at.elapsed().max(self.tail.mul_f64(TAIL_KEPT));
         let seconds = clock.elapsed().as_secs_f64();
         let each = seconds / progress.steps.max(1) as f64;
