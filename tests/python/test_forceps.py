@@ -57,6 +57,20 @@ def test_a_squeeze_stops_at_its_force_and_keeps_it(organ: vs.Organ) -> None:
     assert frame.force(forceps) == pytest.approx(frame.force(one) + frame.force(other), abs=1e-15)
 
 
+def test_flat_jaws_that_just_touch_are_closed_on(block: Block) -> None:
+    """By friction the frames do not settle while nothing moves, and the squeeze waited for that."""
+    points, cells = block((12, 6, 2), (0.12, 0.06, 0.01))
+    sheet = vs.Organ(vs.mesh(points, cells), vs.NeoHookean(young=2e4, poisson=0.4), fixed="x < 1%", element="P2")
+    stepper = sheet.stepper(iterations=20)
+    jaw, turned = vs.Box((0.01, 0.03, 0.02)), (0, np.pi / 2, 0)
+    # Less four times 1 mm it is as wide as the sheet is thick.
+    forceps = stepper.forceps(jaw, (0.1, 0.03, 0.005), turned, opening=0.014, friction=0.5)
+    forceps.squeeze(GRIP, by="1 mm")
+    frames = [stepper.frame() for _ in range(30)]
+    assert forceps.grip == pytest.approx(GRIP, rel=0.02)
+    assert all(frame.is_settled for frame in frames[-5:])
+
+
 def test_the_tab_is_lifted_by_friction_and_slips_beyond_it(organ: vs.Organ) -> None:
     """It sticks and stretches first. Pulled farther, it slips at twice the coefficient times the grip, within 1 %."""
     stepper, forceps = squeezed(organ)
