@@ -228,6 +228,13 @@ def test_a_range_of_radii_that_no_organ_has(bar: vs.Mesh, low: Any, high: Any, s
         organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("radius", low, high))
 
 
+def test_a_range_in_words_has_values_on_a_mesh(bar: vs.Mesh) -> None:
+    words = vs.Vary("radius", "5 mm", "1 cm", nodes=2)
+    with pytest.raises(vs.VisceraError, match=r"in words, which `on\(mesh\)` turns into numbers"):
+        _ = words.values
+    assert words.on(bar).values == pytest.approx(vs.Vary("radius", 0.005, 0.01, nodes=2).values)
+
+
 def test_what_a_model_cannot_be_set_to(touch: vs.Touch, bar: vs.Mesh) -> None:
     for value in (1e3, "50 mm"):
         with pytest.raises(vs.VisceraError, match=r"young of this model .* from 50000 to 2e\+06 \[Pa\], got"):

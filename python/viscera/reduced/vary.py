@@ -107,6 +107,8 @@ class Vary:
 
     @property
     def _ends(self) -> tuple[float, float]:
+        if isinstance(self.low, str) or isinstance(self.high, str):
+            raise VisceraError(f"the range of {self.name} is in words, which `on(mesh)` turns into numbers")
         return float(self.low), float(self.high)
 
     @property
