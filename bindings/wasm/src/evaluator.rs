@@ -111,8 +111,8 @@ pub unsafe extern "C" fn organ_place(organ: *mut Model, x: f64, y: f64, z: f64) 
 
 /// Displacement of the contact (3) [m], gap [m] between sphere and surface at rest, and grip: 0 free, 1 sticks,
 /// 2 slides, 3 inside, 4 lost; what else the sphere touches: 0 nothing, 1 a support, 2 the organ at a second place,
-/// 3 beside its touchable surface; the estimated error that decides, the largest that is trusted, and 1 if it includes that
-/// of the contact: 9 numbers.
+/// 3 beside its touchable surface; the estimated error that decides, the largest that is trusted, and the part of it that
+/// is the contact's, 0 if it is the model's own: 9 numbers.
 ///
 /// # Safety
 /// See [`organ_describe`].

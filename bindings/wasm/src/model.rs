@@ -2,14 +2,16 @@
 
 use crate::pair::Pair;
 use serde_json::json;
-use viscera_touch::{Beside, Contact, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust};
+use viscera_touch::{
+    Beside, CONTACT_ERROR, Contact, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust,
+};
 
 /// Numbers of an answer: contact point, force, stiffness, error estimates of force and shape.
 const ANSWER_LEN: usize = 17;
 /// What [`Model::evaluate`] returns where force or stiffness overflow.
 const NO_NUMBER: u32 = 3;
 /// Numbers of what a probe feels beside the answer: displacement of the contact, gap, grip, what else it touches, and the
-/// estimated error that decides, what is allowed of it, whether the contact's is in it.
+/// estimated error that decides, what is allowed of it, how much of it is the contact's.
 const FELT_LEN: usize = 9;
 
 /// A model, its present contact, and buffers.
@@ -156,9 +158,9 @@ impl Model {
         let [x, y, z] = felt.displacement;
         let (grip, beside) = (number_of_grip(felt.grip), number_of_beside(felt.beside));
         let decisive = felt.decisive;
-        let has_contact = f64::from(u8::from(decisive.has_contact));
+        let of_contact = if decisive.has_contact { CONTACT_ERROR } else { 0.0 };
         self.felt =
-            [x, y, z, felt.gap, grip, beside, decisive.estimate, decisive.allowed, has_contact];
+            [x, y, z, felt.gap, grip, beside, decisive.estimate, decisive.allowed, of_contact];
         // For the stiffness.
         if self.evaluate(felt.displacement) == NO_NUMBER || felt.grip == Grip::Lost {
             self.shape_trust = NO_NUMBER;

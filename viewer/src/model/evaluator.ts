@@ -36,8 +36,8 @@ export interface Felt extends Answer {
   gap: number;
   grip: Grip;
   beside: Beside;
-  /** The estimated error that decides, the largest that is trusted, and whether it includes that of the contact. */
-  decisive: { estimate: number; allowed: number; hasContact: boolean };
+  /** The estimated error that decides, the largest that is trusted, and the part of the contact: 0 of the model's own. */
+  decisive: { estimate: number; allowed: number; ofContact: number };
 }
 
 /** A part by name, and its surface as triangles between rows of the model's nodes. */
@@ -224,8 +224,8 @@ export class Evaluator {
 
   private felt(trust: number, center: Vec3): Felt {
     const answer = this.answer(trust);
-    const [x, y, z, gap, grip, beside, estimate, allowed, hasContact] = this.doubles(this.wasm.organ_felt(this.organ), 9);
-    const decisive = { estimate: estimate!, allowed: allowed!, hasContact: hasContact === 1 };
+    const [x, y, z, gap, grip, beside, estimate, allowed, ofContact] = this.doubles(this.wasm.organ_felt(this.organ), 9);
+    const decisive = { estimate: estimate!, allowed: allowed!, ofContact: ofContact! };
     const displacement: Vec3 = [x!, y!, z!];
     return { ...answer, center, displacement, gap: gap!, grip: GRIP[grip!] ?? "lost", beside: BESIDE[beside!] ?? "nothing", decisive };
   }

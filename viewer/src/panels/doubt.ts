@@ -4,8 +4,6 @@ import type { Answer, Beside, Description, Felt } from "../model/evaluator";
 
 /** From here on a lower order's answer is too far from the highest one's, relative to that. */
 const FAR = 0.05;
-/** Error of the contact of a probe, relative to the force (crates/touch/src/press.rs). */
-const CONTACT_ERROR = 0.25;
 
 /** What a probe touches that the model does not answer for, in words. */
 const BESIDE: Record<Exclude<Beside, "nothing">, string> = {
@@ -44,9 +42,9 @@ export function doubtOf(answer: Answer, felt: Felt | null, depth: number, model:
 /** What is wrong with what a probe feels, whose estimated error is too large (bindings/python/src/probe.rs). */
 function doubtOfFelt({ beside, decisive }: Felt, model: Model): string {
   if (beside !== "nothing") return BESIDE[beside];
-  const { estimate, allowed, hasContact } = decisive;
-  if (!hasContact) return tooLarge("the model's estimated error", estimate, allowed, model);
-  return `the estimated error, with ${percent(CONTACT_ERROR)} for the contact, is ${percent(estimate)}, above the ${percent(allowed)} that is allowed`;
+  const { estimate, allowed, ofContact } = decisive;
+  if (ofContact === 0) return tooLarge("the model's estimated error", estimate, allowed, model);
+  return `the estimated error, with ${percent(ofContact)} for the contact, is ${percent(estimate)}, above the ${percent(allowed)} that is allowed`;
 }
 
 /**
