@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
+from viscera import _core
 
 if TYPE_CHECKING:
     from tests.web.conftest import Viewer
@@ -23,7 +24,7 @@ RECORD = """() => {
     window.felt = [];
     evaluator.place = (center) => {
         const felt = place(center);
-        window.felt.push([center, felt.grip, felt.force]);
+        window.felt.push([center, felt.grip, felt.force, felt.decisive.ofContact]);
         return felt;
     };
 }"""
@@ -172,10 +173,13 @@ def test_a_probe_presses_and_slides_by_the_numbers_of_python(viewer: Viewer, tou
     probe = touch.probe()
     found = viewer.page.evaluate("() => window.felt")
     felt = [probe.place(center) for center, *_ in found]
-    assert [grip for _, grip, _ in found] == [told.grip for told in felt]
-    for (_, _, force), told in zip(found, felt, strict=True):
+    assert [grip for _, grip, *_ in found] == [told.grip for told in felt]
+    for (_, _, force, of_contact), told in zip(found, felt, strict=True):
+        # The model's own error decides of a light touch.
+        assert of_contact in (0.0, _core.CONTACT_ERROR)
         assert force == pytest.approx(told.force.tolist(), abs=1e-5 * np.linalg.norm(felt[-1].force))
     last = felt[-1]
+    assert found[-1][3] == _core.CONTACT_ERROR
     assert last.grip == "slides"
     assert slid["probe"]["gap"] == pytest.approx(last.gap, abs=1e-9)
     assert close(slid["force"], last.force)
