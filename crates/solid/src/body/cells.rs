@@ -17,6 +17,8 @@ pub(super) struct CellBatches<E, const N: usize> {
     /// The rows of parameters of the tissues.
     pub tissues: Vec<Vec<f64>>,
     pub slots: Vec<Slot>,
+    /// The cells in the order of their slots: those of a tissue after each other, and neighbours near each other.
+    pub order: Vec<u32>,
     /// Where their contributions are added up.
     pub sums: TaskSums<N>,
     shape: PhantomData<E>,
@@ -39,7 +41,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     ) -> Self {
         let mut batches = Vec::with_capacity(nodes.len() / LANES + 1);
         let mut slots = vec![Slot { batch: 0, lane: 0 }; nodes.len()];
-        let mut rows = Vec::new();
+        let (mut rows, mut in_order) = (Vec::new(), Vec::with_capacity(nodes.len()));
         let mut place = vec![0; nodes.len()];
         let order = cell_order(&nodes, pattern, n_points);
         for (at, &cell) in (0u32..).zip(order.iter().flatten()) {
@@ -52,6 +54,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
                 for (lane, &cell) in members.iter().enumerate() {
                     slots[cell] = Slot { batch: batches.len() as u32, lane: lane as u8 };
                 }
+                in_order.extend(members.iter().map(|&cell| cell as u32));
                 batches.push(Batch::new(members, &nodes, geometry, tissue));
             }
         }
@@ -61,6 +64,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
             batches,
             tissues: rows,
             slots,
+            order: in_order,
             shape: PhantomData,
         }
     }

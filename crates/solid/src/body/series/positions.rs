@@ -1,4 +1,5 @@
-//! Series of load positions side by side, cell after cell.
+//! Series of load positions side by side, cell after cell, neighbours near each other: the coefficients at a node take
+//! kilobytes, and stay in the cache while its cells are gone through.
 
 use super::{Along, AroundSeries, CellSeries, ClusterSeries};
 use crate::body::batch::Slot;
@@ -103,7 +104,8 @@ impl<E: Shape<N>, const N: usize> Kernel for Forces<'_, E, N> {
         let mut deformation = vec![Wide::default(); 9 * n];
         let mut stress = vec![Wide::default(); 9 * top];
         let mut cache = TaylorCache::default();
-        for (cell, (nodes, geometry)) in cells.nodes.iter().zip(geometry).enumerate() {
+        for cell in cells.order.iter().map(|&cell| cell as usize) {
+            let (nodes, geometry) = (&cells.nodes[cell], &geometry[cell]);
             let (row, shared) = (material.row(cell), around.of(cells.slots[cell], n));
             cache.turn_to(row, shared.part);
             for point in 0..E::POINTS {
@@ -147,7 +149,8 @@ impl<E: Shape<N>, const N: usize> Kernel for Volumes<'_, E, N> {
         let (n, law) = (along.table.len(), material.law());
         let mut deformation = vec![Wide::default(); 9 * n];
         let mut ratio = vec![Wide::default(); n];
-        for (cell, (nodes, geometry)) in cells.nodes.iter().zip(geometry).enumerate() {
+        for cell in cells.order.iter().map(|&cell| cell as usize) {
+            let (nodes, geometry) = (&cells.nodes[cell], &geometry[cell]);
             along.deformation(nodes, &gradients(E::slopes(0), geometry), &mut deformation);
             ratio.fill(Wide::default());
             law.volume_series(material.row(cell), along.table, &deformation, &mut ratio);
