@@ -318,7 +318,7 @@ def test_the_load_path_leaves_its_shapes(viewer: Viewer, touch: vs.Touch) -> Non
     for shape in (1, 5):
         point, push, drawn = viewer.page.evaluate(
             """(shape) => {
-                const { trail } = window.viscera.walk;
+                const { trail } = window.viscera.demonstration.walk;
                 const { point, displacement } = trail.station(shape);
                 return [point, displacement, [...trail.footprints[shape].geometry.attributes.position.array]];
             }""",

@@ -2,13 +2,13 @@
 import * as THREE from "three";
 import { lookOver, type Hit } from "../stage/body";
 import type { Colouring } from "./colouring";
+import { Demonstration } from "./demonstration";
 import { Display } from "./display";
 import { element, followTheme, toggleTheme } from "../base/dom";
 import { Evaluator, type Vec3 } from "../model/evaluator";
 import { addressOf, followAddress } from "./address";
 import { Hint } from "../panels/hint";
 import { listen, type Keyed } from "../hands/keys";
-import { Modes } from "../panels/modes";
 import { Mean } from "../base/pace";
 import { Plan } from "../panels/plan";
 import { nudged, Pointer, type Reading, type Tool, type Touched } from "../hands/pointer";
@@ -20,7 +20,6 @@ import { UNTOUCHED, type Told } from "../touch/told";
 import { Tools } from "./tools";
 import { BEYOND, NOBODY, told, TouchState } from "../touch/touchstate";
 import { TwoHands } from "./twohands";
-import { Walk } from "../stage/walk";
 import { headsetButton } from "../hands/xr";
 
 /** What moves the organ at the moment. */
@@ -45,13 +44,12 @@ export class View implements Touched, Keyed, Shared {
   readonly share: Share;
   private readonly hint: Hint;
   private readonly tools: Tools;
-  private readonly modes: Modes;
+  private readonly demonstration: Demonstration;
   readonly stage: Stage;
   readonly display: Display;
   private readonly answering = new Mean();
   private readonly pointer: Pointer;
   private readonly deaf: (() => void)[];
-  private readonly walk: Walk;
   private readonly two: TwoHands;
 
   /**
@@ -79,17 +77,17 @@ export class View implements Touched, Keyed, Shared {
     const { centre, facing } = lookOver(evaluator);
     this.stage = new Stage(this.plan.canvas, centre, metadata.diagonal, facing);
     this.display = new Display(evaluator, this.stage, (order) => this.setOrder(order));
-    const { body, inside, readings, speech, gauge, legend, clock, label } = this.display;
+    const { inside, readings, speech, gauge, legend, clock, label } = this.display;
     this.two = new TwoHands(evaluator, this.stage, this.display, caseUrl, () => this.sight.renew());
     this.sight = new Sight(this.stage, () => this.two.bodies);
-    this.walk = new Walk(evaluator, body, this.stage.world);
     if (evaluator.notes.inside?.length) this.sight.choose("translucent");
-    this.modes = new Modes(evaluator, body, this.stage.towards, () => this.stage.invalidate());
+    this.demonstration = new Demonstration(evaluator, this.stage, this.display, (button, isOn) => this.tools.press(button, isOn));
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
     const touchable = { hit: (ray: THREE.Raycaster) => this.two.body.hit(ray) };
     this.tools = new Tools(this, headsetButton(this.stage, touchable, this));
-    const side = element("div", { class: "side" }, readings.root, this.two.readings, inside.root, this.modes.root, clock);
+    const panels = [readings.root, this.two.readings, inside.root, this.demonstration.root, clock];
+    const side = element("div", { class: "side" }, ...panels);
     this.plan.fill(
       place,
       [label.root, this.two.labels, this.hint.root],
@@ -301,25 +299,20 @@ export class View implements Touched, Keyed, Shared {
   togglePath(): void {
     if (this.activity === "path") return this.rest();
     this.rest();
-    if (!this.walk.begin()) return;
+    if (!this.demonstration.beginPath()) return;
     this.takeProbe(false);
     this.activity = "path";
-    this.tools.press("path", true);
   }
 
   toggleModes(): void {
     if (this.activity === "modes") return this.rest();
     this.rest();
     this.activity = "modes";
-    this.tools.press("modes", true);
-    const { legend, readings, inside } = this.display;
-    legend.hide();
-    readings.root.hidden = inside.root.hidden = true;
-    this.modes.show();
+    this.demonstration.beginModes();
   }
 
   stepMode(by: number): void {
-    if (this.activity === "modes") this.modes.step(by);
+    if (this.activity === "modes") this.demonstration.stepMode(by);
   }
 
   toggleTheme(): void {
@@ -352,7 +345,7 @@ export class View implements Touched, Keyed, Shared {
       stiffness_factor: this.evaluator.factor,
       inside: this.display.shifts(touching, this.order),
       two: this.two.state,
-      shapes: this.walk.shapes,
+      shapes: this.demonstration.shapes,
       frame: { rate: this.stage.pace.rate, answer: this.answering.value, drawing: this.stage.drawing.value },
     };
   }
@@ -377,7 +370,7 @@ export class View implements Touched, Keyed, Shared {
     this.share.dispose();
     this.pointer.dispose();
     this.two.dispose();
-    this.walk.dispose();
+    this.demonstration.dispose();
     this.display.dispose();
     this.stage.dispose();
     this.evaluator.dispose();
@@ -411,10 +404,7 @@ export class View implements Touched, Keyed, Shared {
   private frame(seconds: number): void {
     if (this.activity === "springing") this.comeBack(seconds);
     else if (this.activity === "path") this.walkOn(seconds);
-    else if (this.activity === "modes") {
-      this.display.inside.move(this.modes.advance(seconds));
-      this.stage.invalidate();
-    }
+    else if (this.activity === "modes") this.demonstration.swing(seconds);
     if (this.two.advance()) this.stage.shape(() => this.shape());
     this.two.follow();
     this.sight.follow();
@@ -429,9 +419,9 @@ export class View implements Touched, Keyed, Shared {
   }
 
   private walkOn(seconds: number): void {
-    const station = this.walk.advance(seconds, this.order);
-    this.touching = new TouchState(this.evaluator, station.point, station.normal);
-    this.move(station.displacement);
+    const { touching, displacement } = this.demonstration.walkOn(seconds, this.order);
+    this.touching = touching;
+    this.move(displacement);
   }
 
   private touchAt(point: Vec3, hasProbe = false): void {
@@ -443,12 +433,7 @@ export class View implements Touched, Keyed, Shared {
   /** Ends what moved the organ by itself. */
   private stop(): void {
     this.two.end();
-    if (this.activity === "modes") this.modes.hide();
-    this.display.readings.root.hidden = false;
-    this.display.inside.root.hidden = this.display.inside.isEmpty;
-    this.tools?.press("modes", false);
-    this.tools?.press("path", false);
-    this.walk.end();
+    this.demonstration.end();
     if (this.activity === "path" || this.activity === "modes") {
       this.activity = "rest";
       this.setColouring(this.display.painter.colouring);
