@@ -237,10 +237,12 @@ class Deformed(Sealed):
 
         organ, _ = self._from_rest()
         strain = {"green_strain": self.strain("green")}
-        if not self._response.without_value.any():
+        has_values = not self._response.without_value.any()
+        if has_values:
             strain |= {"energy_density": self.energy_density()}
         strain |= {"organ": organ.of_cell} if isinstance(organ, Scene) else {}
-        if self._lacks_stress() or (self._response.inverted.any() and not self._response.is_linear):
+        is_turned = self._response.inverted.any() and not self._response.is_linear
+        if self._lacks_stress() or is_turned or not has_values:
             return {}, strain
         cells, nodes = self.stress("cauchy"), self.stress("cauchy", "nodes")
         stress = {"cauchy_stress": cells, "von_mises": von_mises(cells), "pressure": pressure(cells)}

@@ -50,9 +50,9 @@ class Response(Sealed):
             return self.require_values()
         if measure == "pk2":
             self._require_upright()
-            return np.asarray(np.linalg.solve(self.gradient, self.pk1))
+            return np.asarray(np.linalg.solve(self.gradient, self.require_values()))
         J = self._require_upright()[..., None, None]
-        return np.asarray(self.pk1 @ self.gradient.swapaxes(-1, -2) / J)
+        return np.asarray(self.require_values() @ self.gradient.swapaxes(-1, -2) / J)
 
     def even(self) -> Response:
         """The same with one pressure in each cell, the mean over its points.
@@ -108,8 +108,11 @@ class Response(Sealed):
 
     @cached_property
     def without_value(self) -> NDArray[np.bool_]:
-        """Cells (m,) of which a point has no stress."""
-        return np.asarray(~np.isfinite(self.pk1).all(axis=(1, 2, 3)))
+        """Cells (m,) of which a point has no stress or no energy.
+
+        One may have a value where the other has none: below J = 0 the logarithm has none, its slope 1 / J has.
+        """
+        return np.asarray(~(np.isfinite(self.pk1).all(axis=(1, 2, 3)) & np.isfinite(self.energy).all(axis=1)))
 
     def _require_upright(self) -> Floats:
         J = self.volume_ratio
@@ -123,11 +126,13 @@ class Response(Sealed):
         return J
 
     def require_values(self) -> Floats:
-        """The stress P. Most laws have none, and no energy, in an inverted cell: ln J and powers of J end there."""
+        """The stress P. Raises `VisceraError` where stress or energy has no value, as with most laws in an inverted
+        cell: ln J and powers of J end there."""
         if self.without_value.any():
             cell = int(np.argmax(self.without_value))
+            what = "no energy, and so no stress," if np.isfinite(self.pk1[cell]).all() else "no stress and no energy"
             raise VisceraError(
-                f"the law has no stress and no energy in cell {cell} (J = {self.volume_ratio[cell].min():.3g}); "
+                f"the law has {what} in cell {cell} (J = {self.volume_ratio[cell].min():.3g}); "
                 "take the strain 'green', or load the organ less"
             )
         return self.pk1

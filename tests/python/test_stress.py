@@ -205,6 +205,36 @@ def test_where_the_law_has_no_stress_none_is_given(
     assert all(np.isfinite(block).all() for field in written.values() for block in field)
 
 
+def test_a_stress_without_an_energy_is_none(cube: vs.Mesh, tmp_path: Path) -> None:
+    """Of -mu ln J the slope -mu / J has a value at J < 0, where the logarithm has none."""
+    law = vs.StrainEnergy("mu/2*(I1 - 3) - mu*log(J) + lam/2*(J - 1)**2", mu=1e3, lam=2e3)
+    organ = vs.Organ(cube, law, fixed="bottom", element="P1")
+    u = np.zeros_like(organ.mesh.points)
+    u[organ.mesh.nodes("corner")] = -0.09
+    inverted = organ.moved(u)
+    assert np.isfinite(inverted._response.pk1).all()
+    words = r"the law has no energy, and so no stress, in cell \d+ \(J = -"
+    with pytest.raises(vs.VisceraError, match=words):
+        inverted.energy_density()
+    with pytest.raises(vs.VisceraError, match=words):
+        inverted.stress("pk1")
+    with pytest.raises(vs.VisceraError, match=r"cell \d+ is inverted .*; take the strain 'green'"):
+        inverted.stress("cauchy")
+    inverted.write(tmp_path / "inverted.vtu")
+    assert meshio.read(tmp_path / "inverted.vtu").cell_data.keys() == {"green_strain"}
+
+
+def test_an_upright_cell_whose_energy_no_number_holds_has_no_stress(cube: vs.Mesh, tmp_path: Path) -> None:
+    law = vs.Fung(mu=1e3, b=100.0, kappa=1e5)
+    organ = vs.Organ(cube, law, fixed="bottom", element="P1")
+    torn = organ.moved(organ.mesh.points * [0.0, 0.0, 9.0])
+    for measure in ("cauchy", "pk1", "pk2"):
+        with pytest.raises(vs.VisceraError, match=r"the law has no stress and no energy in cell 0 \(J = 10\)"):
+            torn.stress(measure)
+    torn.write(tmp_path / "torn.vtu")
+    assert meshio.read(tmp_path / "torn.vtu").cell_data.keys() == {"green_strain"}
+
+
 @pytest.mark.parametrize("ending", [".vtu", ".vtk", ".msh"])
 def test_files_hold_stress_and_strain(cube: vs.Mesh, tmp_path: Path, ending: str) -> None:
     state = sheared(cube, LAWS[0], "P2")

@@ -89,6 +89,8 @@ class Law(Immutable):
     def energy(self, F: ArrayLike, cell: int = 0) -> Floats:
         """Energy density psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), with the parameters of one cell.
 
+        Not a number, or infinite, where the law has no energy, as most have none at det F <= 0.
+
         >>> import viscera as vs
 
         >>> vs.NeoHookean(young=3e3, poisson=0.45).energy(np.diag([1.1, 1.0, 1.0])[None]).round(2).tolist()
@@ -98,6 +100,8 @@ class Law(Immutable):
 
     def stress(self, F: ArrayLike, cell: int = 0) -> Floats:
         """First Piola-Kirchhoff stress P = d psi / dF (k, 3, 3) [Pa].
+
+        It may have a value where the energy has none: that of `-mu*log(J)` is `-mu cof F / J`, also at det F < 0.
 
         >>> import viscera as vs
 
