@@ -96,13 +96,17 @@ class Deformed(Sealed):
         return response.at(response.stress(measure), at)
 
     def _lacks_stress(self) -> str:
-        """Why the stress is not known, in a sentence; empty where it is."""
+        """Why stress and energy are not known, in a sentence; empty where they are."""
         return ""
+
+    def _expect_known_past(self) -> None:
+        """Raises where stress and energy depend on a past that nothing holds."""
+        if why := self._lacks_stress():
+            raise VisceraError(why)
 
     def _expect_stress(self) -> None:
         """Raises where there is no stress, and warns where there is one that may not be relied on."""
-        if why := self._lacks_stress():
-            raise VisceraError(why)
+        self._expect_known_past()
 
     def _expect_deviatoric_stress(self) -> None:
         """The same for what is free of the pressure."""
@@ -207,7 +211,8 @@ class Deformed(Sealed):
         """Strain energy (m,) [J/m^3] per volume at rest; times the cells' volumes it adds up to `energy`.
 
         at: as in `stress`; nodes get the mean of the cell means, which is never negative. In an inverted cell most laws
-        have no energy: refused, as such a stress.
+        have no energy: refused, as such a stress. So is that of a frame of tissue that relaxes: what it stores depends
+        on its past, which a frame does not hold.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -216,6 +221,7 @@ class Deformed(Sealed):
         >>> bool(abs(energy - state.energy) < 1e-9 * state.energy)
         True
         """
+        self._expect_known_past()
         self._response.require_values()
         energy = self._response.energy
         return self._response.at(energy.mean(axis=1, keepdims=True) if at == "nodes" else energy, at)
@@ -224,7 +230,7 @@ class Deformed(Sealed):
         """The fields of written files, by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`,
         `green_strain` and `energy_density`; in those of a `Scene` also `organ`, its number in `organs`. If a cell is
         inverted, they contain no stress, except with the law `Linear`, and no energy that the law does not have there.
-        In a frame of tissue that relaxes they contain no stress.
+        In a frame of tissue that relaxes they contain no stress and no energy.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -237,12 +243,12 @@ class Deformed(Sealed):
 
         organ, _ = self._from_rest()
         strain = {"green_strain": self.strain("green")}
-        has_values = not self._response.without_value.any()
-        if has_values:
+        has_energy = not self._response.without_value.any() and not self._lacks_stress()
+        if has_energy:
             strain |= {"energy_density": self.energy_density()}
         strain |= {"organ": organ.of_cell} if isinstance(organ, Scene) else {}
         is_turned = self._response.inverted.any() and not self._response.is_linear
-        if self._lacks_stress() or is_turned or not has_values:
+        if is_turned or not has_energy:
             return {}, strain
         cells, nodes = self.stress("cauchy"), self.stress("cauchy", "nodes")
         stress = {"cauchy_stress": cells, "von_mises": von_mises(cells), "pressure": pressure(cells)}
@@ -257,7 +263,7 @@ class Deformed(Sealed):
         `is_observed`. Sets of nodes and of cells are kept, but not in `.xdmf`. `.ply`, `.glb`, `.gltf`: the deformed
         surface with the fields of the points on its vertices. `.obj`, `.stl`: the deformed surface alone. If a cell is
         inverted, no stress is written (`State.message` and a frame in print count such cells), except with the law
-        `Linear`; nor is that of a frame of tissue that relaxes.
+        `Linear`; nor are stress and energy of a frame of tissue that relaxes.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

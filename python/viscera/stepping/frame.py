@@ -72,7 +72,8 @@ class Frame(Deformed, Pictured):
     seconds: float
     """Wall time [s]."""
     energy: float
-    """Strain energy [J], without relaxation, and that of elastic supports, bonds, springs and cables."""
+    """Strain energy [J] and that of elastic supports, bonds, springs and cables; of tissue that relaxes as if nothing
+    had relaxed, a scale alone."""
     kinetic_energy: float
     """Kinetic energy [J]; 0 without inertia."""
     _reactions: Floats
@@ -127,7 +128,7 @@ class Frame(Deformed, Pictured):
         if not self._relaxes:
             return ""
         return (
-            "the stress of tissue that relaxes depends on its past, which a frame does not hold; "
+            "the stress of tissue that relaxes, and what it stores, depends on its past, which a frame does not hold; "
             "step without relaxation, or solve"
         )
 
