@@ -43,3 +43,13 @@ def test_units_are_read_in_any_case(tmp_path: Path, unit: str, factor: float) ->
     assert main(["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]) == 0
     (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
     assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "-Infinity", "1e999"])
+def test_a_cell_that_is_not_finite_is_refused_with_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], cell: str
+) -> None:
+    path = tmp_path / "q.csv"
+    path.write_text(f"stretch,stress,remark\n1.1,200,nan\n\n1.2,{cell},nan\n1.3,600,nan\n")
+    assert main(["fit", str(path)]) == 2
+    assert f"{path}, line 4: stress is {cell!r}; give a finite number" in capsys.readouterr().err

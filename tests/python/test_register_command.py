@@ -151,7 +151,7 @@ def test_a_registration_that_observes_nothing_fails(folder: Path, capsys: pytest
         ("flat.csv", "x,y\n1,2\n", "no column 'z'"),
         ("word.csv", "x,y,z\n1,2,here\n", "line 2: z is 'here'; give a number"),
         ("short.csv", "x,y,z\n1,2\n", "line 2: 2 values under 3 names"),
-        ("nan.csv", "x,y,z\n1,2,3\n1,nan,3\n", "point 1 is"),
+        ("nan.csv", "x,y,z\n1,2,3\n1,nan,3\n", "line 3: y is .nan.; give a finite number"),
         ("bare.csv", "x,y,z\n", "has no points"),
         ("empty.csv", "\n", "the file is empty"),
         ("bad.ply", "no ply", "not a readable .ply file"),

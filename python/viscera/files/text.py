@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import os
 import re
 
@@ -54,16 +55,19 @@ def read_table(path: str | os.PathLike[str]) -> tuple[list[str], list[Line]]:
 
 
 def number(path: str | os.PathLike[str], line: int, name: str, cell: str) -> float:
-    """A cell as a number. Raises `VisceraError` naming file, line and column.
+    """A cell as a finite number. Raises `VisceraError` naming file, line and column.
 
     >>> number("tips.csv", 2, "x", "0.5")
     0.5
     """
     try:
-        return float(cell)
+        value = float(cell)
+        remedy = "give a finite number, or leave the line out"
     except ValueError:
-        column = name or "a column without a name"
-        raise VisceraError(f"{path}, line {line}: {column} is {cell!r}; {_remedy(cell)}") from None
+        value, remedy = math.nan, _remedy(cell)
+    if not math.isfinite(value):
+        raise VisceraError(f"{path}, line {line}: {name or 'a column without a name'} is {cell!r}; {remedy}")
+    return value
 
 
 def is_number(cell: str) -> bool:

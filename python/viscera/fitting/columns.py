@@ -26,7 +26,7 @@ class Columns(Mapping[str, Floats]):
         self._position = {name: k for k, name in enumerate(names)}
 
     def __getitem__(self, name: str) -> Floats:
-        """Its numbers (k,). Raises `VisceraError` for a cell that is none, with its line."""
+        """Its numbers (k,). Raises `VisceraError` for a cell that is none or not finite, with its line."""
         k = self._position[name]
         return np.array([number(self._path, line, name, cells[k]) for line, cells in self._lines])
 
