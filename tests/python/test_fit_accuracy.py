@@ -98,3 +98,22 @@ def test_a_compressible_law_that_misses_the_curve_of_its_fit_says_so(
         assert ("up to 25.5% of the largest stress off the fit" in capsys.readouterr().out) == is_told
         (facts,) = json.loads((tmp_path / "r.json").read_text())["fits"]
         assert facts["followed_by_law"] != is_told
+
+
+def test_compressible_laws_are_fitted_from_the_shell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    law = vs.SaintVenantKirchhoff(mu=1200.0, lam=1800.0)
+    stretch, stress = law.curve("uniaxial", (0.85, 1.4))
+    rows = "\n".join(f"{k:.12g},{s:.12g}" for k, s in zip(stretch, stress, strict=True))
+    (tmp_path / "a.csv").write_text(f"stretch,stress\n{rows}\n")
+    words = ["fit", str(tmp_path / "a.csv"), "--poisson", "0.3", "--json", str(tmp_path / "r.json")]
+    assert main([*words, "--law", "SaintVenantKirchhoff"]) == 2
+    assert "no incompressible form; fit it with incompressible=False, in the shell with --compressible" in (
+        capsys.readouterr().err
+    )
+    assert main([*words, "--law", "SaintVenantKirchhoff", "--compressible"]) == 0
+    (facts,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert facts["parameters"]["mu"] == pytest.approx(1200.0, rel=1e-8)
+    assert main([*words, "--compressible"]) == 2
+    assert "--compressible belongs to one law; name it with --law" in capsys.readouterr().err
+    assert main([*words, "--law", "MooneyRivlin", "--compressible"]) == 2
+    assert "fit it without incompressible=False, in the shell without --compressible" in capsys.readouterr().err

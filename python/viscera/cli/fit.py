@@ -82,6 +82,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--compression", action="store_true", help="displacement and force are positive in compression")
     parser.add_argument("--poisson", type=float, default=0.499, help="Poisson's ratio of the law (default 0.499)")
+    parser.add_argument(
+        "--compressible", action="store_true",
+        help="compute the curves with the bulk modulus that --poisson gives, in place of det F = 1; for one law of one "
+        "modulus, as SaintVenantKirchhoff needs it",
+    )  # fmt: skip
     parser.add_argument("--plot", metavar="FILE.png", help="draw the points and the best law")
 
 
@@ -109,7 +114,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         output.say(
             f"with a Poisson's ratio of {args.poisson:g} the law is compressible, and up to "
             f"{best.compressibility_error:.1%} of the largest stress off the fit, which is incompressible: intervals "
-            "and errors are not the law's; take a --poisson nearer to 0.5"
+            "and errors are not the law's; take a --poisson nearer to 0.5, or --compressible with a --law of one modulus"
         )
     if args.plot is not None:
         best.plot(args.plot)
@@ -127,9 +132,11 @@ def _ranked(tests: list[MaterialTest], args: argparse.Namespace, progress: Progr
     """The fit of the law asked for; or those of all laws, the best first, and why some of them are left out."""
     if args.law != "all":
         progress(0, 1, f"fitting {args.law}")
-        return [fit(args.law, tests, terms=args.terms, poisson=args.poisson)], []
-    if args.terms is not None:
-        raise VisceraError("--terms belongs to one law; name it with --law")
+        is_incompressible = not args.compressible
+        return [fit(args.law, tests, terms=args.terms, poisson=args.poisson, incompressible=is_incompressible)], []
+    for option in ("terms", "compressible"):
+        if getattr(args, option) not in {None, False}:
+            raise VisceraError(f"--{option} belongs to one law; name it with --law")
     fits, left_out = list[Fit](), list[str]()
     for done, (law, terms) in enumerate(CANDIDATES):
         progress(done, len(CANDIDATES), "fitting laws")

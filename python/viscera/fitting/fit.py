@@ -189,7 +189,10 @@ def fit(
         raise VisceraError(f"Poisson's ratio is {poisson}; it must lie above -1 and below 0.5")
     kind = family(law, terms)
     if incompressible and kind.name == "SaintVenantKirchhoff":
-        raise VisceraError("SaintVenantKirchhoff has no incompressible form; fit it with incompressible=False")
+        raise VisceraError(
+            "SaintVenantKirchhoff has no incompressible form; fit it with incompressible=False, in the shell with "
+            "--compressible"
+        )
     if weights is None:
         weights = [1.0] * len(curves)
     counts = numbers_of(weights)

@@ -32,8 +32,8 @@ class Problem:
         self.stress_of = incompressible_stress if incompressible else compressible_stress
         if not incompressible and len(kind.coefficients) > 1:
             raise VisceraError(
-                f"{kind.name} with incompressible=False has stresses that are not linear in its coefficients; "
-                "fit it incompressible"
+                f"{kind.name} has stresses that are not linear in its coefficients unless det F = 1; fit it without "
+                "incompressible=False, in the shell without --compressible"
             )
         self.roots = weights
         self.weight = np.concatenate([np.full(test.n_points, w) for test, w in zip(tests, weights, strict=True)])
