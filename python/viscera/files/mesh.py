@@ -1,5 +1,5 @@
-"""Reading and writing mesh files: by meshio, FEBio files by `febio`; `gmsh1` reads the first version of Gmsh files, and
-`abaqus` those of Abaqus. The meshes are not checked here; `mesh` does that.
+"""Reading and writing mesh files: by meshio, FEBio files by `febio`; `gmsh1` reads the first version of Gmsh files,
+`abaqus` those of Abaqus, and `vtk` those of VTK. The meshes are not checked here; `mesh` does that.
 
 Node sets are found where each format keeps them; sets without a name in the file are called after where they were
 found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
@@ -18,7 +18,7 @@ from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,14 +76,16 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
     ending = _known_ending(path)
     try:
-        found = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
-        points, blocks, sets, cell_sets = found
+        found = (*febio.read(path.read_bytes()), ()) if ending == ".feb" else _read_meshio(path, ending)
+        points, blocks, sets, cell_sets, messages = found
         axes = stated_axes(path) if ending == ".vtu" else ""
         if axes and scale != 1.0:
             raise VisceraError(
                 f'it states its unit, metres, and the units are {brief(units)}: leave them out, or say "m"'
             )
-        return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets, axes=axes))
+        for message in messages:
+            said.warning(message)
+        return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets, messages, axes))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
     except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
@@ -238,32 +240,30 @@ def _known_ending(path: Path) -> str:
 Arrays = dict[str, NDArray[Any]]
 
 
-def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
-    """Points, node indices of the cells by kind, node sets and cell sets."""
+OWN_READERS = {".inp": "abaqus", ".vtu": "vtk", ".vtk": "vtk"}
+"""Modules here that read in place of those of meshio."""
+
+
+def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays, tuple[str, ...]]:
+    """Points, node indices of the cells by kind, node sets, cell sets, and what the reader has to say."""
     # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
     with path.open("rb") as file:
         head = file.read(1000).lstrip() if ending == ".msh" else b""
-    own = "gmsh1" if head.startswith(b"$NOD") else "abaqus" if ending == ".inp" else ""
+    own = "gmsh1" if head.startswith(b"$NOD") else OWN_READERS.get(ending)
     reader = importlib.import_module(f"viscera.files.{own}" if own else f"meshio.{MESHIO_MODULES[ending]}")
     if binary := re.search(rb"^\$MeshFormat\s+4(?!\.0)[\d.]*\s+1\s+([48])\s", head, re.MULTILINE):
         _refuse_false_tags(path.read_bytes(), int(binary[1]))
     names = gmsh_names.read(path) if ending == ".msh" else {}
     with gmsh_names.with_distinct_names(path, names) as source:
         found = reader.read(source)
-    if ending == ".vtk":
-        found.point_data, found.cell_data = (
-            {unquote(name): values for name, values in data.items()} for data in (found.point_data, found.cell_data)
-        )
-    declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None
-    if declared and int(declared[1]) != sum(len(block) for block in found.cells):  # meshio takes what it finds
-        raise VisceraError(f"cut short: it declares {int(declared[1])} cells and holds fewer")
     kinds = dict.fromkeys(block.type for block in found.cells)
     blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
     sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
     sets |= _sets_of_point_arrays(found)
     groups = _sets_of_cell_groups(found, names)
     sets |= {name: nodes for name, nodes in groups.items() if name not in sets}
-    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found, names)
+    messages = tuple((found.info or {}).get("messages", ()))
+    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found, names), messages
 
 
 def _refuse_false_tags(data: bytes, size: int) -> None:

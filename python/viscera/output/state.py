@@ -102,8 +102,12 @@ def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, 
         raise VisceraError(f"{name}: no such file")
     import meshio
 
+    from viscera.files import vtk  # which imports meshio, too
+
     try:
-        grid = meshio.read(name)
+        grid = vtk.read(Path(name)) if name.lower().endswith((".vtu", ".vtk")) else meshio.read(name)
+    except VisceraError as error:
+        raise VisceraError(f"{name}: {error}") from None
     except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
         raise VisceraError(f"{name}: not a readable file ({type(error).__name__})") from error
     field = grid.point_data.get("displacement")
