@@ -266,6 +266,28 @@ def test_every_generation_of_febio_is_read(tmp_path: Path, version: str) -> None
     assert {name: nodes.tolist() for name, nodes in found.sets.items()} == expected
 
 
+def test_parts_and_element_sets_of_ten_node_febio_cells_are_read(tmp_path: Path) -> None:
+    ends = [[*pair] for pair in ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))]
+    corners = np.array([*TET, [0.1, 0.1, 0.1]])
+    solids = [[0, 1, 2, 3], [1, 4, 2, 3]]
+    middles = [corners[solid][ends].mean(axis=1) for solid in solids]
+    points = np.concatenate([corners, *middles])
+    nodes = "".join(f'<node id="{k}">{x},{y},{z}</node>' for k, (x, y, z) in enumerate(points.tolist()))
+    parts = ""
+    for k, (name, solid) in enumerate(zip(("liver", "tumour"), solids, strict=True)):
+        listed = ",".join(map(str, [*solid, *range(5 + 6 * k, 11 + 6 * k)]))
+        parts += f'<Elements type="tet10" name="{name}"><elem id="{k + 7}">{listed}</elem></Elements>'
+    mesh = f'<Mesh><Nodes>{nodes}</Nodes>{parts}<ElementSet name="nodule">8</ElementSet></Mesh>'
+    (tmp_path / "a.feb").write_text(f'<febio_spec version="4.0">{mesh}</febio_spec>')
+    found = vs.read(tmp_path / "a.feb")
+    assert len(found.points) == 5
+    assert {name: cells.tolist() for name, cells in found.cell_sets.items()} == {
+        "liver": [0],
+        "tumour": [1],
+        "nodule": [1],
+    }
+
+
 # Bad files
 
 
@@ -295,6 +317,16 @@ def test_other_kinds_of_cells(bar: vs.Mesh, tmp_path: Path) -> None:
     meshio.vtu.write(str(tmp_path / "hex.vtu"), meshio.Mesh(bar.points, [bricks]))
     with pytest.raises(VisceraError, match="it holds 1 hexahedron cells; only tetrahedra are read"):
         vs.read(tmp_path / "hex.vtu")
+
+
+def test_a_section_without_cells_is_no_kind_of_cells(bar: vs.Mesh, tmp_path: Path) -> None:
+    bar.write(tmp_path / "a.mesh")
+    text = (tmp_path / "a.mesh").read_text()
+    (tmp_path / "a.mesh").write_text(text.replace("\nTetrahedra", "\nHexahedra\n0\nTetrahedra"))
+    assert np.array_equal(vs.read(tmp_path / "a.mesh").cells, bar.cells)
+    (tmp_path / "a.mesh").write_text(text.partition("\nTetrahedra")[0] + "\nTetrahedra\n0\nEnd\n")
+    with pytest.raises(VisceraError, match=r"it has no tetrahedra \(no cells at all\)"):
+        vs.read(tmp_path / "a.mesh")
 
 
 def test_missing_and_unknown_files(tmp_path: Path) -> None:

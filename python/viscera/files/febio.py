@@ -46,7 +46,7 @@ def read(data: bytes) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
         for element in block:
             kind = block.get("type", element.tag).lower()
             listed = elements.setdefault(KINDS.get(kind, kind), [])
-            if KINDS.get(kind) == "tetra":
+            if KINDS.get(kind) in ("tetra", "tetra10"):  # a mesh is of one of them alone
                 place[int(element.get("id", -1))] = len(listed)
                 parts.setdefault(block.get("name", ""), []).append(len(listed))
             listed.append(_nodes(element, number))
