@@ -291,6 +291,7 @@ def _refuse_false_tags(data: bytes, size: int) -> None:
 
 def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
     """The tetrahedra, of 4 or 10 nodes. Surfaces, edges and vertices are ignored; other solid cells are refused."""
+    blocks = {kind: cells for kind, cells in blocks.items() if len(cells)}
     flat = ("vertex", "line", "triangle", "quad", "polygon")
     found = [kind for kind in blocks if kind in ("tetra", "tetra10")]
     solids = [kind for kind in blocks if kind not in found and not kind.startswith(flat)]
