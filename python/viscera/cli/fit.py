@@ -114,7 +114,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         output.say(
             f"with a Poisson's ratio of {args.poisson:g} the law is compressible, and up to "
             f"{best.compressibility_error:.1%} of the largest stress off the fit, which is incompressible: intervals "
-            "and errors are not the law's; take a --poisson nearer to 0.5, or --compressible with a --law of one modulus"
+            "and errors are not the law's; take a --poisson nearer to 0.5, or --compressible with a law of one modulus"
         )
     if args.plot is not None:
         best.plot(args.plot)
@@ -134,8 +134,8 @@ def _ranked(tests: list[MaterialTest], args: argparse.Namespace, progress: Progr
         progress(0, 1, f"fitting {args.law}")
         is_incompressible = not args.compressible
         return [fit(args.law, tests, terms=args.terms, poisson=args.poisson, incompressible=is_incompressible)], []
-    for option in ("terms", "compressible"):
-        if getattr(args, option) not in {None, False}:
+    for option, is_given in (("terms", args.terms is not None), ("compressible", args.compressible)):
+        if is_given:
             raise VisceraError(f"--{option} belongs to one law; name it with --law")
     fits, left_out = list[Fit](), list[str]()
     for done, (law, terms) in enumerate(CANDIDATES):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from viscera.curves import MODES
 from viscera.errors import VisceraError
-from viscera.fitting.accuracy import confused, spread
+from viscera.fitting.accuracy import confused, spread, without_sign
 from viscera.fitting.families import family
 from viscera.fitting.homogeneous import compressibility_error, drucker_range
 from viscera.fitting.materialtest import MaterialTest
@@ -309,4 +309,12 @@ def _check_told_apart(problem: Problem, values: Floats, jacobian: Floats) -> Non
         raise Undetermined(
             f"these tests do not tell {' and '.join(alike)} of {problem.kind.name} apart; add a test of another kind, "
             "or fit a law with fewer parameters"
+        )
+    signs = without_sign(problem, values)
+    if signs:
+        pairs = zip(problem.kind.coefficients, problem.kind.exponents, strict=True)
+        twin = ", ".join(f"-{coefficient}, -{exponent}" for coefficient, exponent in pairs if exponent in signs)
+        raise Undetermined(
+            f"these tests do not tell the sign of {' and '.join(signs)} of {problem.kind.name}: {twin} give the same "
+            "curves; add a uniaxial or an equibiaxial test"
         )
