@@ -284,7 +284,7 @@ def test_label_maps_take_the_nearest_voxel_however_they_are_stored(
     [
         (["--axes", "RPS"], "the axes 'RPS' is unknown"),
         (["--with", "{0}/labels.nii.gz"], "is no solution with its volume"),
-        (["-o", "{0}/moved.png"], "no image format is known by this ending"),
+        (["-o", "{0}/moved.png"], "moved.png: images are not written in that format; the formats are .nii"),
         (["-o", "{0}/there/moved.nii"], "does not exist; create it first"),
         (["--background", "0.5"], "the background 0.5 is no value of an image of uint8"),
     ],
@@ -331,7 +331,7 @@ def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: P
     with pytest.raises(vs.VisceraError, match=r"no voxel of the image lies in the organ.*are they of one scan"):
         shape.on_grid(away)
     (tmp_path / "broken.nrrd").write_text("NRRD")
-    with pytest.raises(vs.VisceraError, match="not a readable image"):
+    with pytest.raises(vs.VisceraError, match=r"broken\.nrrd: not a readable \.nrrd image"):
         shape.on_grid(tmp_path / "broken.nrrd")
     with pytest.raises(vs.VisceraError, match="no such image"):
         shape.on_grid(tmp_path / "none.nrrd")
@@ -423,5 +423,5 @@ def test_a_nifti_with_two_places_is_where_the_scan_is(tmp_path: Path) -> None:
         with pytest.raises(vs.VisceraError, match=f"{name}.nii: its voxels are sheared"):
             grid.read(tmp_path / f"{name}.nii")
     (tmp_path / "damaged.nii").write_bytes(b"no image" * 100)
-    with pytest.raises(vs.VisceraError, match=r"damaged.nii: not a readable image"):
+    with pytest.raises(vs.VisceraError, match=r"damaged\.nii: not a readable \.nii image"):
         grid.read(tmp_path / "damaged.nii")

@@ -14,6 +14,7 @@ from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
 from viscera.output import state as statefile
 from viscera.scans import grid
+from viscera.scans.image import IMAGES
 from viscera.scans.itk import sitk
 from viscera.scans.labelmap import is_label_map
 from viscera.scans.warp import INTERPOLATIONS, labels_moved, warp
@@ -21,7 +22,7 @@ from viscera.scans.warp import INTERPOLATIONS, labels_moved, warp
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera warp`."""
-    parser.add_argument("image", metavar="IMAGE", help=f"the scan, or its labels: {', '.join(grid.FORMATS)}")
+    parser.add_argument("image", metavar="IMAGE", help=f"the scan, or its labels: {', '.join(IMAGES)}")
     parser.add_argument(
         "--with", dest="state", metavar="STATE.vtu", required=True, help="a solution that `viscera solve -o` wrote"
     )

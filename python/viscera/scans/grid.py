@@ -15,19 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera import _core
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, naming
 from viscera.files.atomic import replacing, writable
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number, path_of, refused
-from viscera.scans.image import nifti_affine, unit_of
-from viscera.scans.itk import read_by_itk, sitk, write_by_itk
+from viscera.scans.image import IMAGES, MM, WRITTEN, ending_of, read_image
+from viscera.scans.itk import sitk, write_by_itk
 from viscera.scans.scan import Scan
 from viscera.sealed import Sealed
 
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
 """Signs that turn coordinates into LPS and back."""
-FORMATS = (".nii", ".nii.gz", ".nrrd", ".mha")
-MM = 1e-3
 CHUNK = 1 << 20
 """Voxels looked up at once."""
 EIGHT = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8],
@@ -238,43 +236,24 @@ def _span(places: Floats) -> str:
 
 
 def read(path: str | os.PathLike[str]) -> Any:
-    """A volume image as SimpleITK holds it; raises `VisceraError` if the file is missing, damaged or no volume."""
-    name = str(path_of(path, "the image"))
-    _ending(name)
-    if not Path(name).is_file():
-        raise VisceraError(f"{name}: no such image")
-    affine = _affine_as_scans(name) if name.lower().endswith((".nii", ".nii.gz")) else None
-    try:
-        image = read_by_itk(Path(name))
-    except RuntimeError as error:
-        raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
-    if image.GetDimension() != 3:
-        raise VisceraError(f"{name}: has {image.GetDimension()} dimensions; a volume has 3, so take one of its frames")
-    if affine is not None:
-        matrix, sign = affine[:, :3], AXES["RAS"]
-        spacing = np.linalg.norm(matrix, axis=0)
-        image.SetSpacing((spacing / MM).tolist())
-        image.SetOrigin((sign * affine[:, 3] / MM).tolist())
-        image.SetDirection((sign[:, None] * matrix / spacing).ravel().tolist())
-        return image
-    try:
-        scale = unit_of(Path(name)) / MM
-    except VisceraError as error:
-        raise VisceraError(f"{name}: {error}") from None
-    image.SetSpacing((scale * np.array(image.GetSpacing())).tolist())
-    image.SetOrigin((scale * np.array(image.GetOrigin())).tolist())
-    return image
+    """A volume image as SimpleITK holds it, from what `read_image` reads; more than one value at a voxel is a vector.
 
-
-def _affine_as_scans(name: str) -> Floats:
-    """The affine map (3, 4) [m] by which `viscera.scan` places a NIfTI image: its sform. ITK may prefer the qform."""
-    try:
-        affine = nifti_affine(Path(name))
-    except VisceraError as error:
-        raise VisceraError(f"{name}: {error}") from None
-    except Exception as error:  # nibabel raises whatever its parser meets
-        raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
-    return _right_angled(affine, name)
+    Raises `VisceraError` if the file is missing, damaged or no volume, and if its voxels are sheared.
+    """
+    source = path_of(path, "the image")
+    ending_of(source, IMAGES)
+    if not source.is_file():
+        raise VisceraError(f"{source}: no such image")
+    with naming(str(source)):
+        values, affine, axes = read_image(source)
+        if values.ndim < 3:
+            raise VisceraError(f"it has {values.ndim} dimensions {values.shape}; a volume has three")
+        if values.dtype.kind not in "iuf" or values.dtype.itemsize > 8:
+            raise VisceraError(f"its voxels hold {values.dtype}; give an image of real numbers, of 8 bytes at most")
+    affine = _right_angled(affine, str(source))
+    voxels = values.reshape(*values.shape[:3], -1) if values.ndim > 3 else values
+    grid = Grid(voxels.shape[:3], affine[:, :3], affine[:, 3], axes)
+    return grid.image(voxels.astype(voxels.dtype.newbyteorder("="), copy=False))
 
 
 def _right_angled(affine: Floats, name: str) -> Floats:
@@ -292,25 +271,13 @@ def _right_angled(affine: Floats, name: str) -> Floats:
 
 def write(path: str | os.PathLike[str], image: Any) -> None:
     """An image in the format of the ending, whole or not at all."""
-    name = str(path_of(path, "the file to write"))
-    ending = _ending(name)
-    with replacing(name) as scratch:
+    target = path_of(path, "the file to write")
+    ending = ending_of(target, WRITTEN)
+    with replacing(target) as scratch:
         write_by_itk(image, scratch, ending)
 
 
 def checked(path: str | os.PathLike[str]) -> Path:
     """The path. It is an error if its format or its folder cannot take an image; call this before long work."""
-    _ending(str(path_of(path, "the file to write")))
+    ending_of(path_of(path, "the file to write"), WRITTEN)
     return writable(path)
-
-
-def _ending(name: str) -> str:
-    ending = next((ending for ending in FORMATS if name.lower().endswith(ending)), None)
-    if ending is None:
-        raise VisceraError(f"{name}: no image format is known by this ending; known: {', '.join(FORMATS)}")
-    return ending
-
-
-def _reason(error: Exception) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[-1] if lines else type(error).__name__

@@ -15,7 +15,10 @@ from viscera.mesh import Floats
 from viscera.scans import nrrdspace
 from viscera.scans.itk import read_by_itk, sitk, write_by_itk
 
-FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
+IMAGES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
+"""The formats of images of any values."""
+FORMATS = (*IMAGES, ".dcm")
+"""The formats of label maps."""
 WRITTEN = (".nii", ".nii.gz", ".nrrd", ".mha")
 """The formats of one file each: a header without its data would be worth nothing."""
 MM = 1e-3
@@ -23,8 +26,12 @@ MM = 1e-3
 
 
 def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
-    """Values (i, j, k, ...), affine map (3, 4) [m] and world axes of an image file."""
-    ending = ending_of(path)
+    """Values (i, j, k, ...), affine map (3, 4) [m] and world axes of an image file.
+
+    NIfTI never through SimpleITK, which takes the voxels of `scan.nii`, if that is there, for those of `scan.nii.gz`.
+    Raises `VisceraError` for a file that is no image of three dimensions, or does not say where it lies.
+    """
+    ending = ending_of(path, IMAGES)
     try:
         if ending in (".nii", ".nii.gz"):
             image = _library("nibabel").load(path)
@@ -39,26 +46,14 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
         reason = " ".join(str(error).split())[-200:]
         raise VisceraError(f"not a readable {ending} image ({reason})") from error
     n = image.GetDimension()
+    if n != 3:
+        raise VisceraError(f"it has {n} dimensions {image.GetSize()}; a volume has three, so save one volume of it")
     values = sitk().GetArrayFromImage(image)
     is_vector = image.GetNumberOfComponentsPerPixel() > 1
     values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
-    if n != 3:
-        return values, np.eye(3, 4), "LPS"
     direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
-    return values, unit_of(path) * np.column_stack([direction, image.GetOrigin()]), "LPS"
-
-
-def unit_of(path: Path) -> float:
-    """Metres per unit of the positions that SimpleITK reads from a file; raises `VisceraError` as `nrrdspace` does."""
-    return nrrdspace.unit_of_space(path) if ending_of(path) in (".nrrd", ".nhdr") else MM
-
-
-def nifti_affine(path: Path) -> Floats:
-    """The affine map (3, 4) [m] of a NIfTI image in RAS, of which nothing else is read.
-
-    Raises `VisceraError` for an image that does not say where it lies.
-    """
-    return _affine(_library("nibabel").load(path))
+    unit = nrrdspace.unit_of_space(path) if ending in (".nrrd", ".nhdr") else MM
+    return values, unit * np.column_stack([direction, image.GetOrigin()]), "LPS"
 
 
 def _affine(image: Any) -> Floats:
@@ -176,7 +171,7 @@ def ending_of(path: Path, formats: tuple[str, ...] = FORMATS) -> str:
     name = path.name.lower()
     found = [ending for ending in formats if name.endswith(ending)]
     if not found:
-        what = "unknown image format" if formats is FORMATS else "images are not written in that format"
+        what = "images are not written in that format" if formats is WRITTEN else "unknown image format"
         raise VisceraError(f"{path}: {what}; the formats are {', '.join(formats)}")
     return max(found, key=len)
 
