@@ -147,6 +147,16 @@ def test_what_is_no_law_is_refused(arguments: tuple[Any, dict[str, Any]], words:
         vs.StrainEnergy(arguments[0], **arguments[1])
 
 
+def test_fibres_whose_coefficient_is_zero_may_be_given() -> None:
+    plain = "mu*(I1bar - 3) + k*(J - 1)**2"
+    law = vs.StrainEnergy(f"{plain} + 0*(I4 - 1)**2", mu=1.0, k=9.0, fibres=FIBRES)
+    F = np.array([[[1.1, 0.2, 0.0], [0.0, 0.9, 0.1], [0.0, 0.0, 1.05]]])
+    assert law.stress(F) == pytest.approx(vs.StrainEnergy(plain, mu=1.0, k=9.0).stress(F), rel=1e-12)
+    assert vs.StrainEnergy(**law.words).parameters.tolist() == law.parameters.tolist()
+    with pytest.raises(vs.VisceraError, match="uses no I4 and no I6"):
+        vs.StrainEnergy("mu*(I1bar - 3) + k_I4*(J - 1)**2", mu=1.0, k_I4=9.0, fibres=FIBRES)
+
+
 def test_fibres_that_soften_are_refused_along_their_strain() -> None:
     """Along a fibre in x: the shear modulus that is told is the least one, and the strain says where to look."""
     law = "mu/2*(I1 - 3) - mu*log(J) + k/2*log(J)**2 - q*(I4 - 1)**2"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,6 +21,8 @@ log = logging.getLogger("viscera")
 
 COMPONENTS = tuple(f"a{family}{axis}" for family in range(2) for axis in "xyz")
 """Names of the columns with the directions of fibres."""
+OF_FIBRES = re.compile(r"\bI[46]\b")
+"""The invariants of fibres in a formula."""
 _STRAINED = np.eye(3) + 0.05 * np.sin(np.arange(27.0)).reshape(3, 3, 3)
 
 
@@ -66,11 +69,11 @@ class StrainEnergy(Law):
             raise VisceraError(
                 f"StrainEnergy: the formula has a parameter {missing[0]!r}; give its value, {missing[0]}="
             )
-        if (fibres is None) == (families > 0):
-            say = (
-                "uses I4 or I6: give two directions, fibres=" if families else "uses no I4 and no I6: leave fibres out"
-            )
-            raise VisceraError(f"StrainEnergy: the formula {say}")
+        if fibres is None and families > 0:
+            raise VisceraError("StrainEnergy: the formula uses I4 or I6: give two directions, fibres=")
+        # With a coefficient of 0, as for a comparison without fibres, it names what it does not use.
+        if fibres is not None and not OF_FIBRES.search(self.formula):
+            raise VisceraError("StrainEnergy: the formula uses no I4 and no I6: leave fibres out")
         axes = {} if fibres is None else {f"fibre {f + 1}{axis}": x for f, axis, x in directions(fibres)}
         used = dict(list(axes.items())[: 3 * families])
         own = columns("StrainEnergy", **{key: parameters[key] for key in self.names}, **used)
