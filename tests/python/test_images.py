@@ -1,4 +1,4 @@
-"""Which voxels an image file gives, and where it says that they lie."""
+"""Which voxels an image file gives, and where they lie."""
 
 from __future__ import annotations
 

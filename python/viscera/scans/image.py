@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from viscera.errors import VisceraError
 from viscera.files.atomic import replacing
 from viscera.mesh import Floats
-from viscera.scans import nrrdspace
+from viscera.scans import metaspace, nrrdspace
 from viscera.scans.itk import read_by_itk, sitk, write_by_itk
 
 IMAGES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
@@ -52,8 +52,8 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
     is_vector = image.GetNumberOfComponentsPerPixel() > 1
     values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
     direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
-    unit = nrrdspace.unit_of_space(path) if ending in (".nrrd", ".nhdr") else MM
-    return values, unit * np.column_stack([direction, image.GetOrigin()]), "LPS"
+    space = nrrdspace if ending in (".nrrd", ".nhdr") else metaspace
+    return values, space.unit_of_space(path) * np.column_stack([direction, image.GetOrigin()]), "LPS"
 
 
 def _affine(image: Any) -> Floats:

@@ -1,7 +1,9 @@
-"""What the header of a NRRD file says of its space, and SimpleITK does not pass on: its unit, and whether it has
-the patient's axes. SimpleITK takes every unit for millimetres, and every space that it does not know for LPS.
+"""What the header of a NRRD file says of its space, and SimpleITK does not pass on: its unit, and whether it says where
+it lies in the patient. SimpleITK takes every unit for millimetres, every space that it does not know for LPS, and puts
+an image without an origin at that of the space.
 
-NRRD format, version 5: `space`, `space units` (teem.sourceforge.net/nrrd/format.html, section 5).
+NRRD format, version 5: `space`, `space units`, `space origin`, `space directions`
+(teem.sourceforge.net/nrrd/format.html, section 5).
 """
 
 from __future__ import annotations
@@ -14,6 +16,11 @@ from viscera.files.mesh import METRES
 
 PATIENT = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior", "lps", "ras", "las")
 """Spaces with the patient's axes, all of which SimpleITK turns into LPS."""
+PLACE = {
+    "space origin": ("(x,y,z)", "the centre of its first voxel"),
+    "space directions": ("(x,y,z) (x,y,z) (x,y,z)", "the steps between its voxels"),
+}
+"""The fields that say where an image lies, with their form and what they are."""
 UNSAID = ("", "???")
 """Units that say nothing: millimetres, as all tools of medical images take them."""
 
@@ -21,8 +28,8 @@ UNSAID = ("", "???")
 def unit_of_space(path: Path) -> float:
     """Metres per unit of the space of a NRRD file.
 
-    Raises `VisceraError` for a unit that is unknown or not the same along all axes, and for a space without the
-    patient's axes.
+    Raises `VisceraError` for a unit that is unknown or not the same along all axes, for a space without the patient's
+    axes, and for an image that does not say where it lies in it.
     """
     header = _header(path)
     space = header.get("space", "")
@@ -32,6 +39,12 @@ def unit_of_space(path: Path) -> float:
             f"its header states {said}; write `space: left-posterior-superior` there if x points left, y back and z "
             "to the head (or `right-anterior-superior`), or give its values and axes to vs.Scan"
         )
+    for name, (form, means) in PLACE.items():
+        if "(" not in header.get(name, ""):
+            raise VisceraError(
+                f"its header does not say where the image lies; write `{name}: {form}` there, {means}, or give its "
+                "values and axes to vs.Scan"
+            )
     units = [unit for unit in re.findall(r'"([^"]*)"', header.get("space units", "")) if unit not in UNSAID]
     if not units:
         return METRES["mm"]
