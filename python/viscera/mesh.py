@@ -67,6 +67,8 @@ class Mesh(Pictured):
     """Named sets of cells, ascending indices, such as a tumour."""
     axes: str = ""
     """World axes of the scan that the mesh comes from, "RAS" or "LPS"; empty if unknown."""
+    is_unloaded: bool = False
+    """Whether it is without the loads of its scan: its points then lie elsewhere than in the scan."""
 
     def __post_init__(self) -> None:
         """Check the arrays as `mesh` does, unless they are read-only: those of a checked mesh are."""
@@ -77,8 +79,8 @@ class Mesh(Pictured):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: a checked mesh is not checked again."""
-        told = (self.points, self.cells, self.sets, self.messages, self.edges, self.cell_sets, self.axes)
-        return _again, told
+        arrays = (self.points, self.cells, self.sets, self.messages, self.edges, self.cell_sets)
+        return _again, (*arrays, self.axes, self.is_unloaded)
 
     @cached_property
     def surface(self) -> Indices:
@@ -276,8 +278,9 @@ class Mesh(Pictured):
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
         Node and cell sets are written too, except in `.mesh`, which cannot hold them: the log says so. `.vtu` also
-        holds the world axes. Midpoints are not written. Raises `VisceraError` if the format cannot say a set's name,
-        as `.inp` none with a comma, or if it cannot hold cell sets that overlap (`.msh`).
+        holds the world axes, unless the mesh is without the loads of its scan. Midpoints are not written. Raises
+        `VisceraError` if the format cannot say a set's name, as `.inp` none with a comma, or if it cannot hold cell
+        sets that overlap (`.msh`).
 
         >>> import viscera as vs
         >>> vs.organs.beam().write("beam.vtu")
@@ -286,7 +289,8 @@ class Mesh(Pictured):
         """
         mesh = self.linear()
         target = path_of(path, "the file to write")
-        meshfile.write(target, mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
+        axes = "" if mesh.is_unloaded else mesh.axes
+        meshfile.write(target, mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, axes)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Draw the mesh, with its cell sets as wireframes. `path`: write a PNG file there.
@@ -336,9 +340,10 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
 
     `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit; a mesh of a scan, written by `write` to
     `.vtu`, states that it is in metres, and no other units are taken. Node sets come from point sets and integer
-    point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET (Abaqus), NodeSet (FEBio); cell sets from
-    integer cell arrays, groups of tetrahedra, ELSET and Elements. Points that belong to no cell are dropped, and points
-    of several pieces of a VTU file that lie at one place are joined, with a message; otherwise as `mesh`.
+    point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET and SURFACE (Abaqus), NodeSet and Surface
+    (FEBio); cell sets from integer cell arrays, groups of tetrahedra, ELSET and Elements. Points that belong to no cell
+    are dropped, and points of several pieces of a VTU file that lie at one place are joined, with a message; otherwise
+    as `mesh`.
 
     >>> import viscera as vs
     >>> vs.organs.beam().write("beam.msh")
@@ -432,11 +437,11 @@ def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
 
 
 def _again(
-    points: Floats, cells: Indices, sets: Any, messages: tuple[str, ...], edges: Indices, parts: Any, axes: str
+    points: Floats, cells: Indices, sets: Any, messages: tuple[str, ...], edges: Indices, parts: Any, *of_scan: Any
 ) -> Mesh:
     """A mesh from the arrays of one, which pickle has made writable."""
     sets, parts = ({name: _read_only(members) for name, members in each.items()} for each in (sets, parts))
-    return Mesh(_read_only(points), _read_only(cells), sets, messages, _read_only(edges), parts, axes)
+    return Mesh(_read_only(points), _read_only(cells), sets, messages, _read_only(edges), parts, *of_scan)
 
 
 def _is_ours(array: Any, kind: type) -> bool:

@@ -68,11 +68,84 @@ far, 1
     assert {name: cells.tolist() for name, cells in found.cell_sets.items()} == {"far": [1], "all": [0, 1]}
 
 
+def test_capitals_do_not_count_in_labels(tmp_path: Path) -> None:
+    text = f"""*NODE
+{NODES}{MORE}*ELEMENT, TYPE=C3D4, ELSET=Liver
+1, 1,2,3,4
+*ELEMENT, TYPE=C3D4, ELSET=LIVER
+2, 2,3,4,5
+*NSET, NSET=Fix
+1, 2
+*NSET, NSET=FIX
+3
+*ELSET, ELSET=all
+liver
+"""
+    found = read(tmp_path, text)
+    assert sets(found) == {"Fix": [0, 1, 2], "Liver": [0, 1, 2, 3, 4], "all": [0, 1, 2, 3, 4]}
+    assert {name: cells.tolist() for name, cells in found.cell_sets.items()} == {"Liver": [0, 1], "all": [0, 1]}
+
+
+def test_names_that_differ_in_capitals_alone_are_not_written(bar: vs.Mesh, tmp_path: Path) -> None:
+    both = bar.with_sets(Fix=[0, 1, 2], FIX=[3])
+    with pytest.raises(VisceraError, match=r"the names 'Fix' and 'FIX' of sets differ in capitals alone, which .inp"):
+        both.write(tmp_path / "a.inp")
+    both.write(tmp_path / "a.vtu")
+
+
+def test_surfaces_are_sets_of_the_nodes_of_their_faces(tmp_path: Path) -> None:
+    text = """*SURFACE, NAME=below, TYPE=ELEMENT
+1, S1
+far, S3
+*Surface, name=nodes, type=NODE
+4, 1.0
+first
+*NSET, NSET=first
+1, 2
+*SURFACE, NAME=FIRST
+1, S4
+*SURFACE INTERACTION, NAME=smooth
+"""
+    found = read(tmp_path, BOTH + text)
+    assert sets(found) == {"far": [1, 2, 3, 4], "below": [0, 1, 2, 3, 4], "nodes": [0, 1, 3], "first": [0, 1]}
+    assert found.messages == ()
+    one = read(tmp_path, BOTH + "*SURFACE, NAME=a\n7, S2\n*SURFACE, NAME=b\n7, S3\n*SURFACE, NAME=c\n7, S4\n")
+    assert [sets(one)[name] for name in "abc"] == [[1, 2, 4], [2, 3, 4], [1, 3, 4]]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("\nfar,\n", "it names the face '' of a tetra; name each of its faces, S1 to S4 of a tetrahedron"),
+        ("\nnear, S1\n", "it names 'near', and no set before it is called so"),
+        ("\n8, S1\n", "it names element 8, which is not there"),
+        (", TYPE=NODE\n8\n", "it names node 8, which is not there"),
+        (", COMBINE=UNION\na, b\n", "only lists of nodes and of faces of elements are"),
+        (", TYPE=CYLINDER\n0,0,0\n", "only lists of nodes and of faces of elements are"),
+    ],
+)
+def test_a_surface_that_is_not_read_is_told(
+    tmp_path: Path, text: str, reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = read(tmp_path, f"{BOTH}*SURFACE, NAME=skin{text}")
+    assert found.messages == (f"the *SURFACE 'skin' is not read: {reason}",)
+    assert found.messages[0] in caplog.text
+    assert "skin" not in found.sets
+
+
+def test_numbers_as_fortran_writes_them(tmp_path: Path) -> None:
+    found = read(tmp_path, f"*NODE\n1, 0,0,0\n2, 1.D0,,\n3, ,1d0,\n4,,,1.0D+00,\n{CELLS}")
+    assert found.points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
 def test_lines_from_other_files_and_long_keywords(tmp_path: Path) -> None:
     (tmp_path / "nodes.txt").write_text(NODES)
     (tmp_path / "cells.inp").write_text(CELLS)
     text = "*NODE,\n  NSET=every,\n  INPUT=nodes.txt\n** comment\n*INCLUDE, INPUT=cells.inp\n"
     assert sets(read(tmp_path, text)) == {"every": [0, 1, 2, 3]}
+    (tmp_path / "nodes.txt").write_text(NODES + "5, x, 0, 0\n")
+    with pytest.raises(VisceraError, match=r"a\.inp: line 5 of nodes\.txt: 'x' is no number"):
+        read(tmp_path, text)
 
 
 @pytest.mark.parametrize(
@@ -96,6 +169,10 @@ def test_lines_from_other_files_and_long_keywords(tmp_path: Path) -> None:
         (BOTH.replace("2,3,4,5\n", "2,3,4\n"), "its *ELEMENT, TYPE=c3d4 ends amid an element"),
         (BOTH + "*ELEMENT, TYPE=SPRING1\n9, 1\n", "elements of the type SPRING1 are not read; leave them out"),
         (BOTH + "*NODE\n6, 1, 2\n", "node 6 has 2 coordinates; it needs three"),
+        ("*NODE\n1, 0,0,0\n** comment\n\n2, 1,o,0\n", "line 5: 'o' is no number"),
+        (BOTH + "*NODE\n6x, 1, 2, 3\n", "line 12: '6x' is no whole number"),
+        (BOTH.replace("2,3,4,5\n", "2,3,4.5,5\n"), "line 10: '4.5' is no whole number"),
+        (BOTH + "*NSET, NSET=x, GENERATE\n1, 1e3\n", "line 12: '1e3' is no whole number"),
         (BOTH + "*INCLUDE, INPUT=gone.inp\n", "it takes lines from gone.inp, and there is no such file beside it"),
         (BOTH + "*INCLUDE, INPUT=a.inp\n", "a.inp includes itself"),
     ],

@@ -1,7 +1,9 @@
-"""Abaqus input files: nodes, elements, sets of both. Keywords that generate or move nodes and elements are refused.
+"""Abaqus input files: nodes, elements, sets of both, surfaces. Keywords that generate or move nodes and elements are
+refused.
 
 After Abaqus' user's guide: `*KEYWORD, PARAMETER=VALUE, ...` stands before lines of data, and `**` before a comment.
-meshio keeps the last of several blocks of nodes, and leaves out sets that name sets.
+Capitals do not count in labels; a set has its name as it is spelt first. meshio keeps the last of several blocks of
+nodes, and leaves out sets that name sets.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import meshio
 import numpy as np
@@ -25,19 +28,53 @@ MAKERS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
 """Keywords that generate nodes and elements."""
 MOVERS = {"SYSTEM": "write their coordinates in the global system, without it", "INSTANCE": FLAT}
 """Keywords that move nodes by their data, and what to do."""
+FACES = {"S1": (0, 1, 2), "S2": (0, 3, 1), "S3": (1, 3, 2), "S4": (2, 3, 0)}
+"""Local corners of the faces of a tetrahedron, by Abaqus' names."""
+
+
+class Line(NamedTuple):
+    """A line with its number, and the file that it stands in where that is another."""
+
+    text: str
+    number: int
+    file: str = ""
+
+    @property
+    def words(self) -> list[str]:
+        """What commas separate."""
+        return [word.strip() for word in self.text.split(",")]
+
+    @property
+    def place(self) -> str:
+        """Where it stands."""
+        return f"line {self.number}" + (f" of {self.file}" if self.file else "")
+
+    def whole(self, word: str) -> int:
+        """A word as a whole number."""
+        try:
+            return int(word)
+        except ValueError:
+            raise VisceraError(f"{self.place}: {word!r} is no whole number") from None
+
+    def real(self, word: str) -> float:
+        """A word as a number, as Fortran writes them: `1.5D3` too, and 0 where there is nothing."""
+        try:
+            return float(word.upper().replace("D", "E") or 0.0)
+        except ValueError:
+            raise VisceraError(f"{self.place}: {word!r} is no number") from None
 
 
 @dataclass(frozen=True)
 class Block:
-    """A keyword with its parameters, in capitals, and its lines of data, as words."""
+    """A keyword with its parameters, in capitals, and its lines of data."""
 
     keyword: str
     parameters: Mapping[str, str]
-    rows: list[list[str]] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
 
-    def words(self) -> list[str]:
-        """The words of all lines."""
-        return [word for row in self.rows for word in row if word]
+    def words(self) -> list[tuple[Line, str]]:
+        """The words of all lines, each with its line."""
+        return [(line, word) for line in self.lines for word in line.words if word]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +88,16 @@ class Elements:
 
 @dataclass
 class Model:
-    """What the blocks say, by the numbers of the file."""
+    """What the blocks say, by the numbers of the file, and by labels in capitals."""
 
     points: dict[int, list[float]] = field(default_factory=dict)
     elements: list[Elements] = field(default_factory=list)
     node_sets: dict[str, list[int]] = field(default_factory=dict)
     element_sets: dict[str, list[int]] = field(default_factory=dict)
     element_numbers: set[int] = field(default_factory=set)
+    surfaces: list[Block] = field(default_factory=list)
+    spelt: dict[str, str] = field(default_factory=dict)
+    """Labels as they are spelt first."""
 
     def take(self, block: Block) -> None:
         """Adds a block; most keywords do not concern the mesh."""
@@ -69,10 +109,12 @@ class Model:
             members = _members(block, "NSET", self.node_sets, self.points)
             if "ELSET" in block.parameters:
                 members += self._nodes_of(_found(block.parameters["ELSET"], self.element_sets))
-            self.node_sets.setdefault(_name(block, "NSET"), []).extend(members)
+            self._add(self.node_sets, _name(block, "NSET"), members)
         elif block.keyword == "ELSET":
             members = _members(block, "ELSET", self.element_sets, self.element_numbers)
-            self.element_sets.setdefault(_name(block, "ELSET"), []).extend(members)
+            self._add(self.element_sets, _name(block, "ELSET"), members)
+        elif block.keyword == "SURFACE":
+            self.surfaces.append(block)
         elif block.keyword in MAKERS:
             raise VisceraError(f"*{block.keyword} is not read; write every node and element on a line of its own")
         elif block.keyword in MOVERS and _moves(block):
@@ -80,14 +122,19 @@ class Model:
                 f"*{block.keyword} moves the nodes of the file, which is not read; {MOVERS[block.keyword]}"
             )
 
+    def _add(self, sets: dict[str, list[int]], label: str, members: list[int]) -> None:
+        key = label.upper()
+        self.spelt.setdefault(key, label)
+        sets.setdefault(key, []).extend(members)
+
     def _nodes(self, block: Block) -> None:
         if block.parameters.get("SYSTEM", "R").upper() != "R":
             raise VisceraError(
                 f"*NODE, SYSTEM={block.parameters['SYSTEM']}: only nodes in rectangular coordinates are read"
             )
-        numbers = [int(row[0]) for row in block.rows]
-        for number, row in zip(numbers, block.rows, strict=True):
-            place = [float(word) for word in row[1:4]]
+        numbers = [line.whole(line.words[0]) for line in block.lines]
+        for number, line in zip(numbers, block.lines, strict=True):
+            place = [line.real(word) for word in line.words[1:4]]
             if len(place) != 3:
                 raise VisceraError(f"node {number} has {len(place)} coordinates; it needs three")
             if self.points.setdefault(number, place) != place:
@@ -96,12 +143,12 @@ class Model:
                     f"for itself are not read: {FLAT}"
                 )
         if "NSET" in block.parameters:
-            self.node_sets.setdefault(block.parameters["NSET"], []).extend(numbers)
+            self._add(self.node_sets, block.parameters["NSET"], numbers)
 
     def _elements(self, block: Block) -> None:
         kind = _kind(_name(block, "TYPE"))
         width = num_nodes_per_cell[kind] + 1
-        words = [int(word) for word in block.words()]
+        words = [line.whole(word) for line, word in block.words()]
         if len(words) % width:
             raise VisceraError(f"its *ELEMENT, TYPE={block.parameters['TYPE']} ends amid an element")
         table = np.array(words, dtype=np.int64).reshape(-1, width)
@@ -115,27 +162,65 @@ class Model:
         self.element_numbers.update(numbers)
         self.elements.append(Elements(kind, table[:, 0], table[:, 1:]))
         if "ELSET" in block.parameters:
-            self.element_sets.setdefault(block.parameters["ELSET"], []).extend(numbers)
+            self._add(self.element_sets, block.parameters["ELSET"], numbers)
 
     def _nodes_of(self, chosen: list[int]) -> list[int]:
         nodes = [each.nodes[np.isin(each.numbers, chosen)].ravel() for each in self.elements]
         return [int(node) for node in np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int64)]))]
 
+    def _nodes_of_surfaces(self) -> list[str]:
+        """Adds the nodes of each surface as a set, unless a set of nodes has its label. Returns what is not read."""
+        unread = []
+        for block in self.surfaces:
+            label = _name(block, "NAME")
+            try:
+                members = [node for line in block.lines for node in self._nodes_of_faces(line, block)]
+            except VisceraError as error:
+                unread.append(f"the *SURFACE {label!r} is not read: {error}")
+            else:
+                if label.upper() not in self.node_sets:
+                    self._add(self.node_sets, label, members)
+        return unread
+
+    def _nodes_of_faces(self, line: Line, surface: Block) -> list[int]:
+        """The nodes that a line of a surface names: a node, an element with a face, or a set of either."""
+        name, face = (*line.words, "")[:2]
+        kind = surface.parameters.get("TYPE", "ELEMENT").upper()
+        if kind not in ("NODE", "ELEMENT") or "COMBINE" in surface.parameters:
+            raise VisceraError("only lists of nodes and of faces of elements are")
+        is_of_nodes = kind == "NODE"
+        sets, known = (self.node_sets, self.points) if is_of_nodes else (self.element_sets, self.element_numbers)
+        chosen = [int(name)] if name.isdecimal() else _found(name, sets, "it")
+        if chosen and chosen[0] not in known:
+            raise VisceraError(f"it names {kind.lower()} {chosen[0]}, which is not there")
+        if is_of_nodes:
+            return chosen
+        held = [(each, np.isin(each.numbers, chosen)) for each in self.elements]
+        return [
+            node
+            for each, is_chosen in held
+            if is_chosen.any()
+            for node in each.nodes[is_chosen][:, _corners(each.kind, face.upper())].ravel().tolist()
+        ]
+
     def mesh(self) -> meshio.Mesh:
         """The model by the indices of its points and cells."""
+        unread = self._nodes_of_surfaces()
         index = {number: k for k, number in enumerate(self.points)}
         blocks = [(each.kind, _indices(each, index)) for each in self.elements]
-        points = {name: np.array([index[number] for number in nodes]) for name, nodes in self.node_sets.items()}
+        points = {
+            self.spelt[label]: np.array([index[number] for number in nodes]) for label, nodes in self.node_sets.items()
+        }
         cells = {
-            name: [np.flatnonzero(np.isin(each.numbers, chosen)) for each in self.elements]
-            for name, chosen in self.element_sets.items()
+            self.spelt[label]: [np.flatnonzero(np.isin(each.numbers, chosen)) for each in self.elements]
+            for label, chosen in self.element_sets.items()
         }
         places = np.array([*self.points.values()]).reshape(-1, 3)
-        return meshio.Mesh(places, blocks, point_sets=points, cell_sets=cells)
+        return meshio.Mesh(places, blocks, point_sets=points, cell_sets=cells, info={"messages": unread})
 
 
 def read(path: Path) -> meshio.Mesh:
-    """Points, cells by kind, and the sets of both under their names."""
+    """Points, cells by kind, and the sets of both under their names; `info["messages"]` say what is not read."""
     model = Model()
     for block in _blocks(path):
         model.take(block)
@@ -145,36 +230,38 @@ def read(path: Path) -> meshio.Mesh:
 def _blocks(path: Path) -> list[Block]:
     found: list[Block] = []
     for line in _lines(path):
-        if line.startswith("*"):
-            found.append(Block(line[1:].partition(",")[0].strip().upper(), _parameters(line)))
+        if line.text.startswith("*"):
+            found.append(Block(line.text[1:].partition(",")[0].strip().upper(), _parameters(line.text)))
         elif found:
-            found[-1].rows.append([word.strip() for word in line.removesuffix(",").split(",")])
+            found[-1].lines.append(line)
     return found
 
 
-def _lines(path: Path, within: tuple[Path, ...] = ()) -> Iterator[str]:
+def _lines(path: Path, within: tuple[Path, ...] = ()) -> Iterator[Line]:
     """The lines of a file and of those that it names, without comments; a keyword and its parameters on one line."""
-    keyword = ""
-    for line in map(str.strip, path.read_text(encoding="utf-8", errors="replace").splitlines()):
-        if not line or line.startswith("**"):
+    keyword = Line("", 0)
+    file = path.name if within else ""
+    for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+        line = Line(text.strip(), number, file)
+        if not line.text or line.text.startswith("**"):
             continue
-        if keyword.endswith(",") and line[0].isalpha():
-            keyword += line
+        if keyword.text.endswith(",") and line.text[0].isalpha():
+            keyword = keyword._replace(text=keyword.text + line.text)
             continue
-        if keyword:
+        if keyword.text:
             yield from _with_its_file(keyword, path, within)
-        keyword = line if line.startswith("*") else ""
-        if not keyword:
+        keyword = line if line.text.startswith("*") else Line("", 0)
+        if not keyword.text:
             yield line
-    if keyword:
+    if keyword.text:
         yield from _with_its_file(keyword, path, within)
 
 
-def _with_its_file(keyword: str, path: Path, within: tuple[Path, ...]) -> Iterator[str]:
+def _with_its_file(keyword: Line, path: Path, within: tuple[Path, ...]) -> Iterator[Line]:
     """A keyword, and the lines of the file that holds its data; of *INCLUDE, these lines alone."""
-    if not keyword.upper().startswith("*INCLUDE"):
+    if not keyword.text.upper().startswith("*INCLUDE"):
         yield keyword
-    name = _parameters(keyword).get("INPUT")
+    name = _parameters(keyword.text).get("INPUT")
     if name is None:
         return
     other = path.parent / name
@@ -210,10 +297,10 @@ def _kind(name: str) -> str:
 def _members(block: Block, parameter: str, sets: Mapping[str, list[int]], known: Collection[int]) -> list[int]:
     """The numbers in a set: listed, generated from first, last and step, or those of sets before it."""
     if "GENERATE" in block.parameters:
-        spans = [([int(word) for word in row if word] + [1])[:3] for row in block.rows]
+        spans = [([line.whole(word) for word in line.words if word] + [1])[:3] for line in block.lines]
         return [n for first, last, step in spans for n in range(first, last + 1, step) if n in known]
     found: list[int] = []
-    for word in block.words():
+    for _, word in block.words():
         found += [int(word)] if word.isdecimal() else _found(word, sets)
     missing = next((number for number in found if number not in known), None)
     if missing is not None:
@@ -222,19 +309,27 @@ def _members(block: Block, parameter: str, sets: Mapping[str, list[int]], known:
     return found
 
 
-def _found(name: str, sets: Mapping[str, list[int]]) -> list[int]:
-    """The members of a set that another names: as it is spelt, in other capitals, or behind its instance's name."""
-    capitals = {each.upper(): members for each, members in sets.items()}
-    own = name.strip('"')
-    for spelt in (own.upper(), own.upper().rpartition(".")[2]):
-        if spelt in capitals:
-            return sets.get(own, capitals[spelt])
-    raise VisceraError(f"a set names {name!r}, and no set before it is called so")
+def _found(name: str, sets: Mapping[str, list[int]], by: str = "a set") -> list[int]:
+    """The members of a set that another names, alone or behind its instance's name."""
+    label = name.strip('"').upper()
+    for each in (label, label.rpartition(".")[2]):
+        if each in sets:
+            return sets[each]
+    raise VisceraError(f"{by} names {name!r}, and no set before it is called so")
+
+
+def _corners(kind: str, face: str) -> list[int] | slice:
+    """Which nodes of an element a face has, as an index. Midpoints of edges are not kept, and left out."""
+    if kind.startswith("tetra") and face in FACES:
+        return list(FACES[face])
+    if kind.startswith(("triangle", "quad")) and face in ("", "SPOS", "SNEG"):
+        return slice(None)
+    raise VisceraError(f"it names the face {face!r} of a {kind}; name each of its faces, S1 to S4 of a tetrahedron")
 
 
 def _moves(block: Block) -> bool:
     """Whether the data of *SYSTEM or *INSTANCE are more than an origin at zero."""
-    return len(block.rows) > 1 or any(float(word) != 0.0 for word in block.words())
+    return len(block.lines) > 1 or any(line.real(word) != 0.0 for line, word in block.words())
 
 
 def _indices(elements: Elements, index: Mapping[int, int]) -> NDArray[np.int64]:

@@ -102,7 +102,14 @@ def checked(path: str | os.PathLike[str], names: Iterable[str] = ()) -> Path:
 
 def _refuse_names(ending: str, names: Iterable[str]) -> None:
     """Raises `VisceraError` for a name that would not be read again as it is."""
+    spelt: dict[str, str] = {}
     for name in names:
+        other = spelt.setdefault(name.upper(), name)
+        if ending == ".inp" and other != name:
+            raise VisceraError(
+                f"the names {brief(other)} and {brief(name)} of sets differ in capitals alone, which .inp does not "
+                "keep apart; rename one"
+            )
         if ending != ".mesh" and any("\ud800" <= letter <= "\udfff" for letter in name):
             raise VisceraError(
                 f"the name {brief(name)} of a set holds half of a letter, which no file can say; rename the set"
