@@ -51,7 +51,9 @@ def joined_mesh(organs: Mapping[str, Organ]) -> Mesh:
     all_points, all_cells = np.concatenate(points), np.concatenate(cells).astype(np.uint32)
     all_points.flags.writeable = all_cells.flags.writeable = False
     axes = {organ.mesh.axes for organ in organs.values()}
-    return Mesh(all_points, all_cells, sets, cell_sets=cell_sets, axes=axes.pop() if len(axes) == 1 else "")
+    common = axes.pop() if len(axes) == 1 else ""
+    is_unloaded = any(organ.mesh.is_unloaded for organ in organs.values())
+    return Mesh(all_points, all_cells, sets, cell_sets=cell_sets, axes=common, is_unloaded=is_unloaded)
 
 
 def parted_mesh(mesh: Mesh) -> dict[str, Mesh]:
@@ -70,7 +72,9 @@ def parted_mesh(mesh: Mesh) -> dict[str, Mesh]:
             return {}
         sets = sets_within(name, whole.sets, whole.sets[name])
         cell_sets = sets_within(name, whole.cell_sets, whole.cell_sets[name])
-        part = Mesh(whole.points[first : first + count], cells - first, sets, cell_sets=cell_sets, axes=whole.axes)
+        part = replace(
+            whole, points=whole.points[first : first + count], cells=cells - first, sets=sets, cell_sets=cell_sets
+        )
         parts[name] = part.quadratic() if len(mesh.edges) else part
     return parts
 

@@ -278,9 +278,8 @@ class Mesh(Pictured):
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
         Node and cell sets are written too, except in `.mesh`, which cannot hold them: the log says so. `.vtu` also
-        holds the world axes, unless the mesh is without the loads of its scan. Midpoints are not written. Raises
-        `VisceraError` if the format cannot say a set's name, as `.inp` none with a comma, or if it cannot hold cell
-        sets that overlap (`.msh`).
+        holds the world axes, but not if the mesh `is_unloaded`. Midpoints are not written. Raises `VisceraError` if the
+        format cannot say a set's name, as `.inp` none with a comma, or cannot hold cell sets that overlap (`.msh`).
 
         >>> import viscera as vs
         >>> vs.organs.beam().write("beam.vtu")
@@ -288,8 +287,7 @@ class Mesh(Pictured):
         Mesh: 525 points, 1920 cells, 4e+04 ml, clamp (25), tip (25), top (105)
         """
         mesh = self.linear()
-        target = path_of(path, "the file to write")
-        axes = "" if mesh.is_unloaded else mesh.axes
+        target, axes = path_of(path, "the file to write"), "" if mesh.is_unloaded else mesh.axes
         meshfile.write(target, mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, axes)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
@@ -341,9 +339,8 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit; a mesh of a scan, written by `write` to
     `.vtu`, states that it is in metres, and no other units are taken. Node sets come from point sets and integer
     point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET and SURFACE (Abaqus), NodeSet and Surface
-    (FEBio); cell sets from integer cell arrays, groups of tetrahedra, ELSET and Elements. Points that belong to no cell
-    are dropped, and points of several pieces of a VTU file that lie at one place are joined, with a message; otherwise
-    as `mesh`.
+    (FEBio); cell sets from integer cell arrays, groups of tetrahedra, ELSET and Elements. Points of no cell are dropped,
+    and points of several pieces of a VTU file that lie at one place joined, with a message; otherwise as `mesh`.
 
     >>> import viscera as vs
     >>> vs.organs.beam().write("beam.msh")
@@ -436,12 +433,10 @@ def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
     return np.union1d(nodes, midpoints).astype(np.uint32)
 
 
-def _again(
-    points: Floats, cells: Indices, sets: Any, messages: tuple[str, ...], edges: Indices, parts: Any, *of_scan: Any
-) -> Mesh:
+def _again(points: Floats, cells: Indices, sets: Any, messages: Any, edges: Indices, parts: Any, *scan: Any) -> Mesh:
     """A mesh from the arrays of one, which pickle has made writable."""
     sets, parts = ({name: _read_only(members) for name, members in each.items()} for each in (sets, parts))
-    return Mesh(_read_only(points), _read_only(cells), sets, messages, _read_only(edges), parts, *of_scan)
+    return Mesh(_read_only(points), _read_only(cells), sets, messages, _read_only(edges), parts, *scan)
 
 
 def _is_ours(array: Any, kind: type) -> bool:

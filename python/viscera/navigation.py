@@ -146,7 +146,7 @@ class _Search:
         """The organ with other corners of its cells; without loads its edges are straight."""
         fresh = np.array(corners)
         fresh.flags.writeable = False
-        return self.scanned.with_mesh(replace(self.scanned.mesh.linear(), points=fresh))
+        return self.scanned.with_mesh(replace(self.scanned.mesh.linear(), points=fresh, is_unloaded=True))
 
     def to(self, load: float) -> str:
         """Iterate at a fraction of the loads; returns what went wrong in words, or nothing."""

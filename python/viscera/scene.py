@@ -149,7 +149,7 @@ class Scene(Organ):
         for name, organ in self.organs.items():
             points = mesh.points[self._numbers[name][: organ.mesh.n_corners]]
             points.flags.writeable = False
-            organs[name] = organ.with_mesh(replace(organ.mesh.linear(), points=points))
+            organs[name] = organ.with_mesh(replace(organ.mesh.linear(), points=points, is_unloaded=mesh.is_unloaded))
         bonds = [self._kept(bond) for bond in self.bonds]
         return Scene(organs, self._bodies, bonds, [self._kept(pair) for pair in self.contacts])
 

@@ -27,6 +27,21 @@ from viscera.quantity import path_of
 REGISTERED = "band"
 """The field at points that registered organs alone have. Their displacement leads from the axes of the scan, in which
 the points are, to those of the intervention."""
+UNLOADED = "unloaded"
+"""The field, 1 at every point, of an organ without the loads of its scan. Its points do not lie where the scan shows
+them."""
+NOT_IN_SCAN = {
+    REGISTERED: "its displacement leads to the axes of the intervention, in which the scan is not; take the shape "
+    "before the rigid motion, which `viscera register --shape shape.vtu` or `found.state.write` writes",
+    UNLOADED: "its points are those without the loads of the scan, so they do not lie where the scan shows the organ; "
+    "take the state counted from the scan, which `rest.from_scan(state).write` or `viscera solve` writes",
+}
+"""Fields of solutions that do not lie where the scan shows the organ, with the reason and the remedy."""
+MORE = {
+    REGISTERED: ", at rest; by the displacement to the axes of the intervention",
+    UNLOADED: ", at rest without the loads of the scan",
+}
+"""What files with these fields say of their axes."""
 VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")
 _BARE = "the deformed surface without its fields, which this format cannot hold"
 SURFACES = {
@@ -93,7 +108,7 @@ def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, 
     """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` if it holds none.
 
     The mesh has the world axes of its scan if the file states them, which `.vtu` does.
-    in_scan: the moved points are to be in the axes of the scan too, so a registered organ is refused.
+    in_scan: the organ is to lie where the scan shows it, and to move in its axes; one that does not is refused.
     """
     name = str(path_of(path, "the solution"))
     if Path(name).suffix.lower() not in VOLUMES:
@@ -113,19 +128,17 @@ def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, 
     field = grid.point_data.get("displacement")
     if field is None or field.shape != grid.points.shape or not np.isfinite(field).all():
         raise VisceraError(f"{name}: holds no displacement (n, 3) at its points; write it by `viscera solve -o`")
-    if in_scan and REGISTERED in grid.point_data:
-        raise VisceraError(
-            f"{name}: its displacement leads to the axes of the intervention, in which the scan is not; take the shape "
-            "before the rigid motion, which `viscera register --shape shape.vtu` or `found.state.write` writes"
-        )
+    elsewhere = next((field for field in NOT_IN_SCAN if field in grid.point_data), None)
+    if in_scan and elsewhere is not None:
+        raise VisceraError(f"{name}: {NOT_IN_SCAN[elsewhere]}")
     kind = next((kind for kind in ("tetra10", "tetra") if kind in grid.cells_dict), None)
     if kind is None:
         raise VisceraError(f"{name}: holds no tetrahedra")
     cells = grid.cells_dict[kind]
     corners, place = np.unique(cells[:, :4], return_inverse=True)
     linear = mesh(grid.points[corners], place.reshape(-1, 4))
-    if name.lower().endswith(".vtu"):
-        linear = replace(linear, axes=stated_axes(Path(name)))
+    axes = stated_axes(Path(name)) if name.lower().endswith(".vtu") else ""
+    linear = replace(linear, axes=axes, is_unloaded=elsewhere == UNLOADED)
     if linear.messages and kind == "tetra10":
         raise VisceraError(f"{name}: {linear.messages[0]}; quadratic cells must be oriented as Viscera writes them")
     if kind == "tetra":
@@ -141,14 +154,15 @@ def write_volume(
     path: str | os.PathLike[str], mesh: Mesh, fields: Mapping[str, Floats], cell_fields: Mapping[str, Floats]
 ) -> None:
     """Writes the cells at rest in a volume format, with fields as in `write`, the sets and, in `.vtu`, the axes."""
+    if mesh.is_unloaded:
+        fields = {**fields, UNLOADED: np.ones(len(mesh.points))}
     grid, ending = _grid(mesh, fields, cell_fields), Path(path).suffix.lower()
     if ending != ".xdmf":
         add_masks(grid, ending, mesh.sets, mesh.cell_sets)
     with replacing(path) as scratch:
         _write_grid(scratch, ending, grid)
         if ending == ".vtu" and mesh.axes:
-            moved = ", at rest; by the displacement to the axes of the intervention" if REGISTERED in fields else ""
-            state_axes(scratch, mesh.axes, moved)
+            state_axes(scratch, mesh.axes, next((MORE[field] for field in MORE if field in fields), ""))
 
 
 def _write_grid(path: Path, ending: str, grid: Any) -> None:

@@ -95,7 +95,8 @@ def inner_parts(mesh: Mesh) -> dict[str, Indices]:
 
 
 def notes(mesh: Mesh) -> dict[str, Any]:
-    """What a model file keeps of a mesh under `user`: sets as bits, one for each corner or cell, and the world axes."""
+    """What a model file keeps of a mesh under `user`: sets as bits, one for each corner or cell, the world axes, and
+    whether it is without the loads of its scan."""
     kept: dict[str, Any] = {}
     corners = {name: nodes[nodes < mesh.n_corners] for name, nodes in mesh.sets.items()}
     if corners:
@@ -104,6 +105,8 @@ def notes(mesh: Mesh) -> dict[str, Any]:
         kept["cell_sets"] = {name: _packed(cells, len(mesh.cells)) for name, cells in mesh.cell_sets.items()}
     if mesh.axes:
         kept["axes"] = mesh.axes
+    if mesh.is_unloaded:
+        kept["is_unloaded"] = True
     return kept
 
 

@@ -56,7 +56,7 @@ class Stored:
         """The mesh in the shape before a touch, with its cell sets, and with midpoints if the element has them."""
         if self.preload is None:
             return self.rest
-        return replace(self.rest, points=self.points)
+        return replace(self.rest, points=self.points, is_unloaded=False)
 
     @cached_property
     def rest(self) -> Mesh:
@@ -70,7 +70,8 @@ class Stored:
         free = self.points if self.preload is None else self.points - self.preload
         corners = free[: int(cells.max()) + 1]
         sets, parts = node_sets(self._notes, len(corners)), cell_sets(self._notes, len(cells))
-        linear = replace(known(corners, cells, sets, parts), axes=self._notes.get("axes", ""))
+        more = {"axes": self._notes.get("axes", ""), "is_unloaded": self._notes.get("is_unloaded", False)}
+        linear = replace(known(corners, cells, sets, parts), **more)
         return linear.quadratic() if self.element == "P2" else linear
 
     @property

@@ -92,8 +92,21 @@ class Grid:
         return image
 
 
+def require_as_scanned(mesh: Mesh) -> None:
+    """Raises `VisceraError` if a mesh does not lie where an image of its scan shows the organ."""
+    if mesh.is_unloaded:
+        raise VisceraError(
+            "the mesh is without the loads of its scan, so it does not lie where an image shows the organ; take the "
+            "mesh of the scan, or a state counted from it, as `rest.from_scan(state)` is"
+        )
+
+
 def axes_of(mesh: Mesh, axes: str | None) -> str:
-    """The world axes of a mesh: those given, those that it states, or "RAS"; raises `VisceraError` if they differ."""
+    """The world axes of a mesh: those given, those that it states, or "RAS".
+
+    Raises `VisceraError` if they differ, and for a mesh that does not lie where an image shows the organ.
+    """
+    require_as_scanned(mesh)
     if axes is None:
         return mesh.axes or "RAS"
     Choice(AXES)(axes, "the axes")

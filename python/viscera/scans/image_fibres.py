@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import numbers_of, refused
+from viscera.scans.grid import require_as_scanned
 from viscera.scans.image import read_image
 from viscera.scans.scan import Scan
 
@@ -25,7 +26,7 @@ def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, 
     images: files, or pairs of vectors (i, j, k, 3) and affine map (3, 4) [m]. Their components are along the world axes
     and are turned to those of the mesh. At a centroid the direction is the principal one of `sum w v v^T` over the
     eight voxels around it, w being trilinear weights: v and -v are the same fibre. Raises `VisceraError` if a cell
-    lies outside the image, or where no direction is given around it.
+    lies outside the image, where no direction is given around it, and for a mesh without the loads of its scan.
 
     >>> import numpy as np
     >>> import viscera as vs
@@ -35,6 +36,7 @@ def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, 
     >>> vs.image_fibres(vs.organs.beam(), (vectors, affine))[:, 0].tolist()
     [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     """
+    require_as_scanned(mesh)
     if len(images) not in (1, 2):
         raise VisceraError(f"fibres need one image or two, got {len(images)}")
     families = [_directions(mesh, image, str(k)) for k, image in enumerate(images, start=1)]
