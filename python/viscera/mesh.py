@@ -339,8 +339,8 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit; a mesh of a scan, written by `write` to
     `.vtu`, states that it is in metres, and no other units are taken. Node sets come from point sets and integer
     point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET and SURFACE (Abaqus), NodeSet and Surface
-    (FEBio); cell sets from integer cell arrays, groups of tetrahedra, ELSET and Elements. Points of no cell are dropped,
-    and points of several pieces of a VTU file that lie at one place joined, with a message; otherwise as `mesh`.
+    (FEBio); cell sets from integer cell arrays, groups of tetrahedra, ELSET and Elements. Points of no cell are left
+    out, and points of several pieces of a VTU file that lie at one place joined, with a message; otherwise as `mesh`.
 
     >>> import viscera as vs
     >>> vs.organs.beam().write("beam.msh")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from viscera.output import state as statefile
 pytest.importorskip("nibabel", reason="images need nibabel: pip install viscera[scan]")
 pytest.importorskip("SimpleITK", reason="images need SimpleITK: pip install viscera[scan]")
 
-WEIGHT = {"gravity": (0, 0, -9.81), "density": 1000.0}
+WEIGHT: dict[str, Any] = {"gravity": (0, 0, -9.81), "density": 1000.0}
 VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")
 
 
