@@ -176,6 +176,12 @@ def test_a_landmark_stands_once(tmp_path: Path) -> None:
     (tmp_path / "marks.csv").write_text("name,x,y,z\ntip,1,2,3\ntip,1,2,4\n", encoding="utf-8")
     with pytest.raises(VisceraError, match="'tip' stands twice"):
         read_landmarks(tmp_path / "marks.csv")
+    (tmp_path / "nameless.csv").write_text("x,y,z\n1,2,3\n", encoding="utf-8")
+    with pytest.raises(VisceraError, match="no column 'name'; it has x, y, z, and needs name, x, y, z"):
+        read_landmarks(tmp_path / "nameless.csv")
+    with pytest.raises(VisceraError, match="no column 'z'; it has x, y, and needs x, y, z"):
+        (tmp_path / "flat.csv").write_text("x,y\n1,2\n", encoding="utf-8")
+        read_cloud(tmp_path / "flat.csv")
     (tmp_path / "bytes.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(VisceraError, match="not a table of comma-separated text"):
         read_landmarks(tmp_path / "bytes.csv")

@@ -65,9 +65,12 @@ def read_landmarks(path: str | os.PathLike[str], units: str | float = "m") -> di
 def _positions(path: Path, *others: str) -> tuple[list[str], Floats]:
     """The cells of another column, if one is asked for, and the positions (k, 3) of a table."""
     names, rows = read_table(path)
-    missing = [name for name in (*others, *AXES) if name not in names]
+    needed = (*others, *AXES)
+    missing = [name for name in needed if name not in names]
     if missing:
-        raise VisceraError(f"{path}: no column {missing[0]!r}; it has {', '.join(names)}, and needs x, y, z")
+        raise VisceraError(
+            f"{path}: no column {missing[0]!r}; it has {', '.join(names)}, and needs {', '.join(needed)}"
+        )
     where = [names.index(axis) for axis in AXES]
     places = [[number(path, line, names[k], row[k]) for k in where] for line, row in rows]
     words = [row[names.index(name)] for _, row in rows for name in others]
