@@ -112,7 +112,9 @@ def parsed(words: list[str]) -> Any:
         return [int(word) if word.isdigit() else word for word in words]
     named: dict[str, list[int]] = {}
     for word in words:
-        name, _, numbers = word.rpartition("=")
+        name, sign, numbers = word.rpartition("=")
+        if sign and not name.strip():
+            raise VisceraError(f"--label {word} names no part; say NAME=NUMBER, or the number alone")
         if not all(number.strip().isdigit() for number in numbers.split("+")):
             raise VisceraError(f"--label {word} is not NAME=NUMBER, such as liver=5 or kidneys=2+3")
         name = name or f"label_{numbers}"
@@ -130,7 +132,9 @@ def parsed_edges(words: list[str], parts: list[str]) -> dict[str, float]:
     """
     given: dict[str, float] = {}
     for word in words:
-        name, _, size = word.rpartition("=")
+        name, sign, size = word.rpartition("=")
+        if sign and not name:
+            raise VisceraError(f"--edge {word} names no part; say NAME=LENGTH, or the length alone for all parts")
         if name in given:
             raise VisceraError(f"--edge {word}: {f'{name!r} has' if name else 'the other parts have'} an edge already")
         if name and name not in parts:
