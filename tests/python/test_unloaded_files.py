@@ -88,7 +88,7 @@ def test_the_mesh_of_the_unloaded_organ_is_known_as_such(scanned: Unloaded, tmp_
 
 def test_the_organs_of_an_unloaded_scene_are_unloaded(bar: vs.Mesh) -> None:
     organ = vs.Organ(replace(bar, axes="LPS"), vs.NeoHookean(young=4e5, poisson=0.3), fixed="root")
-    scene = vs.Scene({"bar": organ}).unloaded(**WEIGHT).organ
+    scene: Any = vs.Scene({"bar": organ}).unloaded(**WEIGHT).organ
     assert scene.mesh.is_unloaded
     for part in (scene.organ("bar").mesh, parted_mesh(scene.mesh)["bar"]):
         assert part.is_unloaded
