@@ -179,8 +179,8 @@ def test_a_landmark_stands_once(tmp_path: Path) -> None:
     (tmp_path / "nameless.csv").write_text("x,y,z\n1,2,3\n", encoding="utf-8")
     with pytest.raises(VisceraError, match="no column 'name'; it has x, y, z, and needs name, x, y, z"):
         read_landmarks(tmp_path / "nameless.csv")
+    (tmp_path / "flat.csv").write_text("x,y\n1,2\n", encoding="utf-8")
     with pytest.raises(VisceraError, match="no column 'z'; it has x, y, and needs x, y, z"):
-        (tmp_path / "flat.csv").write_text("x,y\n1,2\n", encoding="utf-8")
         read_cloud(tmp_path / "flat.csv")
     (tmp_path / "bytes.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(VisceraError, match="not a table of comma-separated text"):
