@@ -8,8 +8,9 @@ use viscera_number::tensor::{Mat3, sub, transpose_mul};
 /// Stress at rest that is rounding, as a part of the moduli.
 const AT_REST: f64 = 1e-9;
 
-/// Two small strains, and rounding of the energy there as a part of the moduli.
-const STRAINS: [f64; 2] = [1e-3, 1e-4];
+/// Two small strains, and two at which steep powers and exponentials too are like their square; and rounding of the energy
+/// there as a part of the moduli.
+const STRAINS: [[f64; 2]; 2] = [[1e-3, 1e-4], [1e-5, 1e-6]];
 const ROUNDING: f64 = 1e-14;
 /// The energy at the smaller strain is a hundredth of that at the larger one, and a tenth where the stress jumps.
 const LARGEST_PART: f64 = 0.03;
@@ -37,7 +38,7 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     if !(shear + bulk).is_finite() {
         return refuse(
             "it has no moduli at rest; take out what has no second derivative where I1 = I2 = 3, I4 = I6 = J = 1, \
-             such as sqrt(I1 - 3) or log(J - 1)"
+             such as sqrt(I1 - 3) or log(J - 1), and constants without a value, such as log(k) of a negative k"
                 .into(),
         );
     }
@@ -60,6 +61,13 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     if let Some(why) = instability(material, row) {
         return refuse(why);
     }
+    if !energy(material, row, stretched(&[0.0; 6], 0.0)).is_finite() {
+        return refuse(
+            "it has no value at rest: what the parameters make there is no number or beyond all numbers, as log(k) of a \
+             negative k or exp(k) of 1000"
+                .into(),
+        );
+    }
     if !has_values(material, row) {
         return refuse(
             "it has no value beside rest, where rounding takes I1 - 3 or J - 1 below zero; in a root or a power that is no \
@@ -67,7 +75,10 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
                 .into(),
         );
     }
-    if let Some(strain) = jump(material, row) {
+    // Without a switch, what has second derivatives at rest jumps nowhere beside it, however steep it is.
+    if let Some(strain) = jump(material, row)
+        && material.has_switch()
+    {
         return refuse(format!(
             "energy or stress jumps at rest, under a strain (xx, yy, zz, yz, xz, xy) along {strain:?}; a term of \
              max, min or step must vanish there with its slope, as max(I4 - 1, 0)**2 does"
@@ -138,15 +149,17 @@ fn rotation(first: f64, second: f64) -> Mat3<f64> {
     transpose_mul(&[[1.0, 0.0, 0.0], [0.0, d, t], [0.0, -t, d]], &about_z)
 }
 
-/// A small strain with which the energy does not grow as its square.
+/// A strain with which the energy does not grow as its square, however small it is.
 fn jump(material: &Material, row: &[f64]) -> Option<[f64; 6]> {
     let [shear, bulk] = material.moduli(row);
     let energy = |strain: &[f64; 6], by: f64| energy(material, row, stretched(strain, by));
     let strains = (0..6).map(component).chain([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]]);
     let both = strains.flat_map(|strain| [strain, strain.map(|part| -part)]);
     both.into_iter().find(|strain| {
-        let [large, small] = STRAINS.map(|by| (energy(strain, by) - energy(strain, 0.0)).abs());
-        !(small <= LARGEST_PART * large + ROUNDING * (shear + bulk))
+        STRAINS.iter().all(|pair| {
+            let [large, small] = pair.map(|by| (energy(strain, by) - energy(strain, 0.0)).abs());
+            !(small <= LARGEST_PART * large + ROUNDING * (shear + bulk))
+        })
     })
 }
 

@@ -70,6 +70,22 @@ fn a_slip_of_the_pen_is_shown_with_its_place() {
         ("mu J", "character 4", "expected + - * /"),
         ("mu/0", "character 4", "division by zero"),
         ("mu*é", "character 4", "expected a number, a name or a bracket"),
+        ("mu*J + log(0)", "character 8, at \"log(0)\"", "a constant without a finite value"),
+        (
+            "mu*J + exp(1000)*0",
+            "character 8, at \"exp(1000)*0\"",
+            "a constant without a finite value",
+        ),
+        ("mu*J + 1e308*10", "character 8, at \"1e308*10\"", "a constant without a finite value"),
+        (
+            "mu*(1e308 + 1e308)",
+            "character 5, at \"1e308 + 1e30\"",
+            "a constant without a finite value",
+        ),
+        ("mu*J*log(-1)", "character 6", "a constant without a finite value"),
+        ("mu*( -8)**(1/3)", "character 4", "a constant without a finite value"),
+        ("mu*J + J*1e308*10", "character 8", "a constant without a finite value"),
+        ("mu*sqrt(mu - mu - 1)", "character 4", "a constant without a finite value"),
         ("1e999*mu", "character 1", "is no number"),
         (".*mu", "character 1", "is no number"),
     ] {

@@ -8,7 +8,7 @@
 //! atom    = number | name | function '(' sum (',' sum)* ')' | '(' sum ')'
 //! ```
 
-use super::{Expression, Graph, Id, Variable};
+use super::{Expression, Graph, Id, Node, Variable};
 use crate::error::Error;
 
 /// Longest text, and deepest nesting of brackets and signs.
@@ -36,7 +36,7 @@ impl Expression {
             )));
         }
         let graph = Graph::default();
-        let mut parser = Parser { text, at: 0, depth: 0, graph, parameters: Vec::new() };
+        let mut parser = Parser { text, at: 0, depth: 0, graph, seen: 0, parameters: Vec::new() };
         let energy = parser.sum()?;
         parser.skip();
         if parser.at < text.len() {
@@ -57,6 +57,8 @@ struct Parser<'a> {
     at: usize,
     depth: usize,
     graph: Graph,
+    /// Nodes of which every number has a value.
+    seen: usize,
     parameters: Vec<String>,
 }
 
@@ -72,6 +74,22 @@ impl<'a> Parser<'a> {
         let near: String = after.chars().take(12).collect();
         let near = if near.is_empty() { "the end".into() } else { format!("{near:?}") };
         Error::input(format!("formula, character {place}, at {near}: {what}"))
+    }
+
+    /// Refuses a constant that what was read from there on has made, and that no number holds.
+    fn expect_values(&mut self, from: usize) -> Result<(), Error> {
+        let new = &self.graph.nodes()[self.seen..];
+        if new.iter().any(|node| matches!(node, Node::Number(x) if !x.is_finite())) {
+            return Err(self.refuse_at(from, "a constant without a finite value".into()));
+        }
+        self.seen = self.graph.len();
+        Ok(())
+    }
+
+    /// Where the next token begins.
+    fn start(&mut self) -> usize {
+        self.skip();
+        self.at
     }
 
     fn rest(&self) -> &'a str {
@@ -97,6 +115,7 @@ impl<'a> Parser<'a> {
     }
 
     fn sum(&mut self) -> Result<Id, Error> {
+        let start = self.start();
         let mut sum = self.product()?;
         loop {
             if self.eat("+") {
@@ -108,18 +127,19 @@ impl<'a> Parser<'a> {
             } else {
                 return Ok(sum);
             }
+            self.expect_values(start)?;
         }
     }
 
     fn product(&mut self) -> Result<Id, Error> {
+        let start = self.start();
         let mut product = self.signed()?;
         loop {
             if self.eat("*") {
                 let next = self.signed()?;
                 product = self.graph.mul(product, next);
             } else if self.eat("/") {
-                self.skip();
-                let at = self.at;
+                let at = self.start();
                 let next = self.signed()?;
                 if self.graph.number_of(next) == Some(0.0) {
                     return Err(self.refuse_at(at, "division by zero".into()));
@@ -129,6 +149,7 @@ impl<'a> Parser<'a> {
             } else {
                 return Ok(product);
             }
+            self.expect_values(start)?;
         }
     }
 
@@ -150,12 +171,15 @@ impl<'a> Parser<'a> {
     }
 
     fn power(&mut self) -> Result<Id, Error> {
+        let start = self.start();
         let base = self.atom()?;
         if !self.eat("**") {
             return Ok(base);
         }
         let exponent = self.signed()?;
-        Ok(self.graph.power(base, exponent))
+        let power = self.graph.power(base, exponent);
+        self.expect_values(start)?;
+        Ok(power)
     }
 
     fn atom(&mut self) -> Result<Id, Error> {
@@ -268,7 +292,7 @@ impl<'a> Parser<'a> {
             return Err(self.refuse_at(start, what));
         }
         let graph = &mut self.graph;
-        Ok(match name {
+        let value = match name {
             "exp" => graph.exp(values[0]),
             "log" => graph.ln(values[0]),
             "sqrt" => graph.sqrt(values[0]),
@@ -281,7 +305,9 @@ impl<'a> Parser<'a> {
                 let part = graph.mul(beyond, step);
                 if name == "max" { graph.add(a, part) } else { graph.sub(a, part) }
             }
-        })
+        };
+        self.expect_values(start)?;
+        Ok(value)
     }
 }
 

@@ -160,6 +160,21 @@ fn formulas_are_checked() {
         ("mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*step(J - 1)", vec![1e3, 1e4], "jumps at rest"),
         ("mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*max(0, J - 1)", vec![1e3, 1e4], "jumps at rest"),
         ("mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*max(0, 1 - J)", vec![1e3, 1e4], "jumps at rest"),
+        (
+            "mu*(I1bar - 3) + k*(J**500 - 1)**2/250000 + mu*max(0, 1 - J)",
+            vec![1e3, 1e4],
+            "jumps at rest",
+        ),
+        (
+            "mu*(I1bar - 3) + k/2*(J - 1)**2 + exp(mu)",
+            vec![1e3, 1e4],
+            "no value at rest: what the parameters make there",
+        ),
+        (
+            "mu*(I1bar - 3) + k/2*(J - 1)**2 + log(-k)*(J - 1)**2",
+            vec![1e3, 1e4],
+            "constants without a value",
+        ),
         ("mu*mu", vec![1e3], "depends on no deformation"),
         ("500*(I1bar - 3) + 1000*(J - 1)**2", vec![], "no parameter"),
         ("mu*(I1bar - 3) + a0x*(J - 1)**2", vec![1.0, 1.0], "names a component of the fibres"),
@@ -168,6 +183,24 @@ fn formulas_are_checked() {
     ] {
         let error = Material::new(&format!("formula {text}"), vec![row]).unwrap_err().to_string();
         assert!(error.contains(word), "{text}: {error}");
+    }
+}
+
+/// Their energies are not like squares at a strain of 1e-3, where a jump would look alike.
+#[test]
+fn steep_formulas_do_not_jump() {
+    for (steep, fibres) in [
+        ("k*(J**500 - 1)**2/250000", false),
+        ("k*(J**1000000 - 1)**2/1e12", false),
+        ("k*(exp(300*(J - 1)) - 1)**2/90000", false),
+        ("k*(J**500 - 1)**2/250000 + k*max(I4 - 1, 0)**2", true),
+    ] {
+        let mut row = vec![1e3, 1e4];
+        if fibres {
+            row.extend([1.0, 0.0, 0.0]);
+        }
+        let law = Material::new(&format!("formula mu*(I1bar - 3) + {steep}"), vec![row]);
+        assert!(law.is_ok(), "{steep}: {:?}", law.err());
     }
 }
 
