@@ -188,6 +188,8 @@ def test_mesh_files_of_odd_names_stay_apart(bar: vs.Mesh, folder: Path) -> None:
         ('"HalfSpace"', '"Sphere"', r"the key 'radius' is missing in \[\[bodies\]\]; its shape takes radius"),
         ("young = 1e5", "yuong = 1e5", "organ 'lower': unknown key 'yuong' in .material.; did you mean 'young'"),
         ("[organs.upper]", '[organs."up/per"]', "the name of an organ must be words without '/'"),
+        ("[organs.upper]", "[organs.upper]\nfixd = 0", r"organ 'upper': unknown key 'fixd' in \[organs.upper\]"),
+        ("stiffness = ", "stif = ", r"organ 'upper': unknown key 'stif' in \[supports.root\]"),
         ("[loads]", "[reduce]\norder = 2\n[loads]", "unknown key 'reduce'"),
     ],
 )

@@ -83,7 +83,12 @@ def test_a_case_file_says_it_and_is_written(organ: vs.Organ, tmp_path: Path) -> 
     ("part", "words"),
     [
         ("law = 'Yeo'", "law in [material.x >= 50%]"),
-        ("law = 'Yeoh'\nyoung = 3e3", "it has no parameter 'young'"),
+        ("law = 'Yeoh'\nyoung = 3e3", "[material.x >= 50%] Yeoh: it has no parameter 'young'"),
+        ("law = 'MooneyRivlin'\nkappa = 3e3", "[material.x >= 50%] MooneyRivlin: write c1 = ..., c2 = ... there"),
+        (
+            "law = 'HolzapfelGasserOgden'\nfibres = { axis = [0, 0, 1] }",
+            "the key 'angle' is missing in [material.x >= 50%.fibres]",
+        ),
         ("law = 'Yeoh'\nc10 = 1e3\npoisson = 0.3\n[material.\"x >= 50%\".tip]\nc10 = 2e3", "no parts"),
         ("law = 'Linear'\nyoung = 3e3\npoisson = 0.3", "Linear stands beside no other law"),
         ("law = 'Yeoh'\nc10 = -1.0\npoisson = 0.3", "c10"),

@@ -417,10 +417,7 @@ def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
             if name not in parameters:
                 raise VisceraError(f"{place!r} gives {name!r}, which the rest of the organ has no value for")
             parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
-    try:
-        return kind(**parameters)
-    except TypeError as error:
-        raise VisceraError(f"{kind.__name__}: {str(error).split('() ')[-1]}") from error
+    return kind(**parameters)
 
 
 def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -162,7 +162,8 @@ class Places:
     def __call__(self, words: Any, what: str) -> None:
         kind = self.name.rpartition(".")[2]
         for place, value in known(words, words, self.name):
-            self.load(value, f"{kind} of {place!r}")
+            load = replace(self.load, name=f"{self.name}.{place}") if isinstance(self.load, Table) else self.load
+            load(value, f"{kind} of {place!r}")
 
     def __str__(self) -> str:
         return f"for each place {self.load}"

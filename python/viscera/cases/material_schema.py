@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from inspect import signature
+from dataclasses import dataclass, replace
+from inspect import Parameter, signature
 from typing import Any
 
 from viscera import _core, law
@@ -29,12 +29,16 @@ class Terms:
         return f"{self.term}, or a list of one to {law.Ogden.terms}"
 
 
+@dataclass(frozen=True)
 class Fibres:
     """Directions of fibres: given, or winding round an axis."""
 
+    table: str = "material"
+    """That of their law."""
+
     def __call__(self, value: Any, what: str) -> None:
         if isinstance(value, Mapping):
-            HELICAL(value, what)
+            replace(HELICAL, name=f"{self.table}.fibres")(value, what)
             return
         numbers = numbers_of(value)
         if numbers is None or numbers.shape != (2, 3):
@@ -85,11 +89,12 @@ class Material:
         Choice(law.LAWS)(kind, f"law{of_table(table)}" if table != "material" else "law")
         _refuse_places(own, taken_by(kind), table)
         for name, value in own.items():
-            _parameter(kind, name)(value, f"{name} in [{table}]")
+            _parameter(kind, name, table)(value, f"{name} in [{table}]")
+        _require_all(kind, own, table)
         for part_table, part in parts.items():
             _refuse_of_whole(part, [name for name in taken_by(kind) if name not in PARTIAL], part_table)
             for name, value in known(part, PARTIAL, part_table):
-                _parameter(kind, name)(value, f"{name} in [{part_table}]")
+                _parameter(kind, name, part_table)(value, f"{name} in [{part_table}]")
 
     def _formula(self, whole: str, own: Mapping[str, Any], parts: Mapping[str, Any]) -> None:
         """Checks a law given as a formula, whose parameters are the names in it."""
@@ -105,7 +110,7 @@ class Material:
         for table, entries in ((whole, own), *((f"{whole}.{place}", part) for place, part in parts.items())):
             for name, value in known(entries, entries, table):
                 if name == "fibres":
-                    Fibres()(value, f"fibres in [{table}]")
+                    Fibres(table)(value, f"fibres in [{table}]")
                 elif name not in {"law", "energy"}:
                     PerCell(Number())(value, f"{name} in [{table}]")
 
@@ -150,10 +155,21 @@ def taken_by(kind: str) -> tuple[str, ...]:
     return tuple(name for name in signature(law.LAWS[kind]).parameters if name in PARAMETERS)
 
 
-def _parameter(kind: str, name: str) -> Check:
+def _require_all(kind: str, own: Mapping[str, Any], table: str) -> None:
+    """Raise `VisceraError` if a parameter lacks for which a law has no default."""
+    taken, known_to_law = taken_by(kind), signature(law.LAWS[kind]).parameters
+    lacking = [name for name in taken if known_to_law[name].default is Parameter.empty and name not in own]
+    if lacking:
+        lines = ", ".join(f"{name} = ..." for name in lacking)
+        raise VisceraError(f"[{table}] {kind}: write {lines} there; it takes {', '.join(taken)}")
+
+
+def _parameter(kind: str, name: str, table: str) -> Check:
     """What a parameter of a law must be."""
     if name not in taken_by(kind):
-        raise VisceraError(f"material {kind}: it has no parameter {name!r}; {did_you_mean(name, taken_by(kind))}")
+        raise VisceraError(f"[{table}] {kind}: it has no parameter {name!r}; {did_you_mean(name, taken_by(kind))}")
+    if name == "fibres":
+        return Fibres(table)
     return (OTHERS[kind] if name in OTHERS.get(kind, {}) else PARAMETERS)[name].value
 
 

@@ -118,7 +118,7 @@ class Organs:
             if not name or "/" in name:
                 raise refused("the name of an organ", "words without '/'", name)
             try:
-                ORGAN(organ, name)
+                replace(ORGAN, name=f"{what}.{name}")(organ, name)
             except VisceraError as error:
                 raise VisceraError(f"organ {name!r}: {error}") from None
         if not words:
