@@ -11,7 +11,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.files import mesh as meshfile
 from viscera.files.mesh import RawMesh
-from viscera.quantity import path_of
+from viscera.quantity import LARGEST, path_of
 
 if TYPE_CHECKING:
     from viscera.mesh import Floats, Indices, Mesh
@@ -81,7 +81,7 @@ def problems_of(points: Floats, cells: Indices, facts: dict[str, Any]) -> list[s
             f"the mesh has {facts['n_parts']} separate parts (of {', '.join(map(str, sizes[:5]))}"
             f"{', ...' if len(sizes) > 5 else ''} cells); each needs its own fixed nodes"
         )
-    return problems + doubts(points, cells, facts) + implausible_size(points)
+    return problems + doubts(points, cells, facts) + implausible(points)
 
 
 def faults(facts: dict[str, Any]) -> list[str]:
@@ -159,12 +159,17 @@ def hinges(facts: dict[str, Any]) -> list[str]:
     return [f"parts meet at {where} only, without a common face: they turn there as on a hinge"]
 
 
-def implausible_size(points: Floats) -> list[str]:
+def implausible(points: Floats) -> list[str]:
+    """Size and place that tell of another unit."""
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    away = float(np.abs(points).max())
     low, high = PLAUSIBLE_DIAGONAL
-    if low <= diagonal <= high:
-        return []
-    return [f"the bounding box has a diagonal of {diagonal:.3g} m, implausible for an organ; check `units`"]
+    found = []
+    if not low <= diagonal <= high:
+        found.append(f"the bounding box has a diagonal of {diagonal:.3g} m, implausible for an organ; check `units`")
+    if away > LARGEST["m"]:
+        found.append(f"a coordinate is {away:.4g} m in size, implausible for an organ; check `units`, or move the mesh")
+    return found
 
 
 def listed(noun: str, indices: Indices) -> str:

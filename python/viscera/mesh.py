@@ -20,7 +20,7 @@ from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.files import mesh as meshfile
 from viscera.files.mesh import RawMesh
-from viscera.inspection import arrays, doubts, faults, implausible_size, listed
+from viscera.inspection import arrays, doubts, faults, implausible, listed
 from viscera.members import indices_of, listed_in, members, part_of_set, sets_within, united, words_of
 from viscera.quantity import Number, hides_no_number, path_of, refuse_masked, refused
 from viscera.select import Lengths, length
@@ -352,7 +352,7 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
         found = _checked(_without_loose_points(raw))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
-    for problem in implausible_size(found.points):
+    for problem in implausible(found.points):
         log.warning("%s: %s", path, problem)
     return found
 

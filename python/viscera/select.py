@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from viscera.errors import VisceraError, did_you_mean
 from viscera.files.mesh import METRES
-from viscera.quantity import Number, brief, refused, vector
+from viscera.quantity import Number, brief, numbers_of, refused, vector
 
 Floats = NDArray[np.float64]
 Lengths: TypeAlias = ArrayLike | Sequence[Any]
@@ -28,6 +28,9 @@ AXES = "xyz"
 FREE = "free"
 """A component of a displacement that nothing prescribes."""
 METRIC = Number("m")
+FARTHEST = 1e9
+"""Largest coordinate of a place [m]; a mesh may lie anywhere, but beyond this its coordinates have no tenth of a um."""
+PLACE = Number("m", low=-FARTHEST, high=FARTHEST)
 POSITIVE = Number("m", above=0)
 COMPARISONS: dict[str, Callable[..., NDArray[np.bool_]]] = {
     "<": operator.lt,
@@ -127,9 +130,17 @@ def size(value: Any, whole: float, name: str) -> float:
 def point(value: Lengths, mesh: Sized, name: str) -> Floats:
     """A point (3,) [m] from numbers [m] or words: ["100 mm", 0.05, "80%"], or "(100, 50, 80) mm" as a whole."""
     if not has_words(value):
-        return vector(value, name, "m")
+        return place(value, name)
     low, high = mesh.bounding_box
-    return _three(value, low, high - low, name)
+    return _three(value, low, high - low, name, PLACE)
+
+
+def place(value: Any, name: str) -> Floats:
+    """A point (3,) [m] of a mesh or near it, from numbers [m]."""
+    numbers = numbers_of(value)
+    if numbers is None or numbers.shape != (3,) or not (np.abs(numbers) <= FARTHEST).all():
+        raise refused(name, f"three finite numbers [m], none above {FARTHEST:g} in size", value)
+    return numbers
 
 
 def offset(value: Lengths, mesh: Sized, name: str) -> Floats:
@@ -171,17 +182,16 @@ def _refuse_percentage(value: Any, name: str) -> None:
         raise VisceraError(f"{name}: a percentage of what? write {brief(value)} with units, such as '12 mm'")
 
 
-def _three(value: Any, starts: Floats, wholes: Floats | None, name: str) -> Floats:
-    """Three lengths [m]; percentages count from `starts` along `wholes`, None where they would be of nothing."""
+def _three(value: Any, starts: Floats, wholes: Floats | None, name: str, kind: Number = METRIC) -> Floats:
+    """Three lengths [m], each of which `kind` limits; percentages count from `starts` along `wholes`, None where they
+    would be of nothing."""
     parts = _split(value, name, wholes) if isinstance(value, str) else value
     if len(parts) != 3:
         last = "50 mm" if wholes is None else "80%"
         raise refused(name, f"three lengths, such as (0.1, '5 cm', '{last}') or '(100, 50, 80) mm'", value)
     along = [None] * 3 if wholes is None else wholes.tolist()
-    metres = [
-        _metres_of(part, start, whole, name) for part, start, whole in zip(parts, starts.tolist(), along, strict=True)
-    ]
-    return vector(metres, name, "m")
+    rows = zip(parts, starts.tolist(), along, strict=True)
+    return np.array([_metres_of(part, start, whole, name, kind) for part, start, whole in rows])
 
 
 def _split(words: str, name: str, wholes: Floats | None) -> list[str]:
@@ -197,12 +207,17 @@ def _split(words: str, name: str, wholes: Floats | None) -> list[str]:
     return [part if re.search(r"(%|[a-z])$", part) else part + unit for part in parts]
 
 
-def _metres_of(part: Any, start: float, whole: float | None, name: str) -> float:
+def _metres_of(part: Any, start: float, whole: float | None, name: str, kind: Number) -> float:
     if not isinstance(part, str):
-        return METRIC(part, name)
+        return kind(part, name)
     if not re.fullmatch(BOUND, part.strip()):
         raise VisceraError(f"{name}: {brief(part)} is not a length; write it as {_example(whole)}")
-    return _metres(part, start, whole, name)
+    metres = _metres(part, 0.0, whole, name)
+    try:
+        kind(metres, name)  # without the start: a percentage is limited by its own length, wherever the mesh lies
+    except VisceraError:
+        raise refused(name, kind, part) from None
+    return start + metres if "%" in part else metres
 
 
 def _example(whole: float | None) -> str:
@@ -218,7 +233,7 @@ def _holds(
     if sphere := SPHERE.fullmatch(condition):
         start, sides = box[0], box[1] - box[0]
         radius = _metres(sphere["radius"], 0.0, float(np.linalg.norm(sides)), place)
-        centre = _three(sphere["centre"], start, sides, f"the centre in {place!r}")
+        centre = _three(sphere["centre"], start, sides, f"the centre in {place!r}", PLACE)
         return np.asarray(np.linalg.norm(places - centre, axis=1) <= radius)
     match = CONDITION.fullmatch(condition)
     if not match or not (match["low"] or match["high"]):

@@ -192,6 +192,14 @@ def test_two_parts_are_a_mesh(bar: vs.Mesh) -> None:
     assert report(both)["parts"] == 2
 
 
+def test_a_suspicious_place_is_logged(bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    vs.mesh(bar.points - [0, 0, 1100], bar.cells).write(tmp_path / "bar.vtu")
+    vs.read(tmp_path / "bar.vtu")
+    sentence = "a coordinate is 1100 m in size, implausible for an organ; check `units`, or move the mesh"
+    assert sentence in caplog.text
+    assert inspect(tmp_path / "bar.vtu")["problems"] == [sentence]
+
+
 def test_a_suspicious_size_is_logged(bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     bar.write(tmp_path / "bar.vtu")
     vs.read(tmp_path / "bar.vtu", units=1000)

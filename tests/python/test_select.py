@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
+from viscera.errors import VisceraError
 from viscera.select import in_space, length, length_in_space, offset, point
 
 
@@ -177,3 +179,38 @@ def test_the_part_of_a_set_counts_percentages_within_the_set(bar: vs.Mesh, is_qu
     assert mesh.cells_in("half/x < 50%").tolist() == mesh.cells_in("x < 25%").tolist()
     with pytest.raises(vs.VisceraError, match="has no node set 'half/tip'"):
         mesh.nodes("half/tip")
+
+
+def test_places_do_not_depend_on_where_the_mesh_lies(bar: vs.Mesh) -> None:
+    """Percentages, contact patches and registration beyond a kilometre from the origin, where lengths end."""
+    away, moved = np.array([0, 0, 1100]), np.array([0, 0, 1e-4])
+    far = vs.mesh(bar.points + away, bar.cells, bar.sets)
+    assert far.nodes("within 6 cm of (0%, 0%, 0%)").tolist() == bar.nodes("within 6 cm of (0%, 0%, 0%)").tolist()
+    assert far.nodes("within 6 cm of (0, 0, 1100) m").tolist() == bar.nodes("within 6 cm of (0, 0, 0)").tolist()
+    assert far.near("(100%, 50%, 100%)", "6 cm").tolist() == bar.near("(100%, 50%, 100%)", "6 cm").tolist()
+    law = vs.NeoHookean(young=1e5, poisson=0.3)
+    near, organ = (vs.Organ(mesh, law, fixed="root") for mesh in (bar, far))
+    corner = far.points[far.nodes("tip")[0]]
+    assert len(organ.patch(corner, "6 cm").nodes) == len(near.patch(corner - away, "6 cm").nodes)
+    found, same = (each.register(each.mesh.points[::3] + moved, noise="1 mm") for each in (organ, near))
+    assert found.status == same.status
+
+
+@pytest.mark.parametrize(
+    ("point", "sentence"),
+    [
+        ((0, 0, 2e9), "centre must be three finite numbers [m], none above 1e+09 in size, got (0, 0, 2000000000.0)"),
+        (("1e12 m", 0, 0), "centre must be a number from -1e+09 to 1e+09 [m], got '1e12 m'"),
+        (("1e999%", 0, 0), "centre must be a number from -1e+09 to 1e+09 [m], got '1e999%'"),
+        (("1 mn", 0, 0), "in 'centre': unit 'mn' is unknown"),
+    ],
+)
+def test_a_place_out_of_range_is_named_as_it_was_given(bar: vs.Mesh, point: Any, sentence: str) -> None:
+    with pytest.raises(VisceraError, match=re.escape(sentence)):
+        bar.near(point, "1 cm")
+
+
+def test_a_motion_in_words_is_limited_as_in_numbers(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e4, poisson=0.3), fixed="root")
+    with pytest.raises(VisceraError, match=re.escape("must be a number from -1000 to 1000 [m], got '2000 m'")):
+        organ.solve(displacement={"tip": (0, 0, "2000 m")})

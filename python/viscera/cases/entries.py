@@ -13,7 +13,7 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.files.mesh import METRES
 from viscera.members import words_of
 from viscera.quantity import Check, Choice, Number, Whole, brief, refused
-from viscera.select import FREE, METRIC, length, point
+from viscera.select import FREE, METRIC, PLACE, length, point
 
 
 class Text:
@@ -89,7 +89,7 @@ class Point:
         point(value, UNIT, what)
 
     def __str__(self) -> str:
-        return f'three lengths, each {METRIC} or words such as "12 mm" and "10%"; or "(100, 50, 80) mm"'
+        return f'three lengths, each {PLACE} or words such as "12 mm" and "10%"; or "(100, 50, 80) mm"'
 
 
 class Components:

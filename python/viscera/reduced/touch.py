@@ -23,7 +23,7 @@ from viscera.quantity import Number, Whole, path_of, vector
 from viscera.reduced.answer import Answer
 from viscera.reduced.stored import Stored
 from viscera.reduced.vary import UNITS, law_at
-from viscera.select import Lengths, has_words, length, offset
+from viscera.select import Lengths, has_words, length, offset, place
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -332,7 +332,7 @@ class Touch(Stored, Pictured):
 
     def _point(self, point: Lengths) -> Floats:
         # The mesh is made only when words need it: a haptic loop gives numbers.
-        return point_of(point, self.mesh, "contact point") if has_words(point) else vector(point, "contact point", "m")
+        return point_of(point, self.mesh, "contact point") if has_words(point) else place(point, "contact point")
 
     def _push(self, displacement: Lengths) -> Floats:
         name = "contact displacement"

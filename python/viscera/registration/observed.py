@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import brief, numbers_of, refused, vector
+from viscera.quantity import brief, numbers_of, refused
+from viscera.select import place as place_of
 
 LARGEST_CLOUD = 4.0
 """Diagonals of the organ; a cloud wider than that is of something else, or in another unit."""
@@ -162,7 +163,7 @@ def _landmarks(
         raise VisceraError(f"no node set is called {brief(unknown[0])}; {did_you_mean(str(unknown[0]), mesh.sets)}")
     sets = [mesh.sets[name].astype(np.int64) for name in landmarks]
     members = [(nodes, np.full(len(nodes), 1.0 / len(nodes))) for nodes in sets]
-    measured = [vector(place, f"landmark {name!r}", "m") for name, place in landmarks.items()]
+    measured = [place_of(place, f"landmark {name!r}") for name, place in landmarks.items()]
     return tuple(landmarks), members, np.array(measured).reshape(-1, 3)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from viscera.cases.entries import Text, known
 from viscera.errors import VisceraError
 from viscera.quantity import Check, Flag, Vector, refused
+from viscera.select import place
 
 
 class Laws:
@@ -29,7 +30,7 @@ class Gesture:
         _check(value, HAND, what)
 
 
-HAND: Mapping[str, Check] = {"release": Flag(), "grab": Vector("m"), "organ": Text(), "move": Vector("m")}
+HAND: Mapping[str, Check] = {"release": Flag(), "grab": place, "organ": Text(), "move": Vector("m")}
 REQUEST: Mapping[str, Check] = {
     "laws": Laws(),
     **HAND,
