@@ -141,6 +141,72 @@ def test_ctrl_c_while_modules_load_is_no_traceback() -> None:
     assert command.returncode == -signal.SIGINT
 
 
+DROPPED = """
+import os, signal, sys, time, weakref
+sys.argv = ["viscera", "doctor"]
+from viscera import cli
+from viscera.cli.output import Outcome
+
+class Body:
+    def __del__(self):
+        if way == "del":
+            interrupt()
+
+def interrupt(_=None):
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(10**9):
+        pass
+
+def run(args, output):
+    body = Body()
+    watch = weakref.ref(body, interrupt if way == "callback" else None)
+    del body
+    print("dropped", flush=True)
+    end = time.monotonic() + seconds
+    if waits:
+        time.sleep(seconds)
+    while time.monotonic() < end:
+        pass
+    return Outcome("done")
+
+cli.doctor.run = run
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its Ctrl-C goes to the whole console")
+@pytest.mark.parametrize(
+    ("way", "seconds", "waits"),
+    [("callback", 30, False), ("del", 30, False), ("del", 30, True), ("callback", 0, False)],
+)
+def test_ctrl_c_is_heard_where_python_drops_it(way: str, seconds: int, waits: bool) -> None:
+    """In callbacks of weak references and in __del__, while the command works or waits, and as it ends."""
+    program = f"way, seconds, waits = {way!r}, {seconds}, {waits}\n{DROPPED}"
+    command = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=20)
+    assert command.stdout == "dropped\n"
+    assert command.stderr == "viscera doctor: interrupted; nothing was left half-written\n"
+    assert command.returncode == 130
+
+
+def test_what_else_python_drops_is_told_as_ever() -> None:
+    program = """
+import sys
+from viscera.cli import interrupt
+
+class Body:
+    def __del__(self):
+        raise ValueError("of a body")
+
+before = sys.unraisablehook
+with interrupt.heard():
+    Body()
+assert sys.unraisablehook is before
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=20)
+    assert "ValueError: of a body" in done.stderr
+    assert done.returncode == 0
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="its Ctrl-C goes to the whole console")
 def test_ctrl_c_while_the_command_line_is_read_is_no_traceback() -> None:
     program = """

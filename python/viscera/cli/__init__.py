@@ -26,6 +26,7 @@ from viscera.cli import (
     doctor,
     fit,
     inspect,
+    interrupt,
     mesh,
     reduce,
     register,
@@ -97,7 +98,8 @@ def _run(words: list[str]) -> int:
         return _refused(args.verb, error)
     try:
         startup.handle_interrupts()
-        outcome: Outcome = args.run(args, output)
+        with interrupt.heard():
+            outcome: Outcome = args.run(args, output)
     except KeyboardInterrupt as stop:
         message = str(stop) or "interrupted; nothing was left half-written"
         outcome = Outcome("interrupted", INTERRUPTED, {"message": message})
