@@ -264,7 +264,7 @@ def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) ->
         ),
         (["reduce", *MESH, "--young", "-1"], "young in [material] must be a number above 0"),
         (["reduce", *MESH, "--law", "Hookean"], "did you mean 'NeoHookean'"),
-        (["reduce", *MESH, "--law", "MooneyRivlin"], "material MooneyRivlin: "),
+        (["reduce", *MESH, "--law", "MooneyRivlin"], "[material] MooneyRivlin: "),
         (["reduce", *MESH, "--fixed", "rot"], "did you mean 'root'"),
         (["reduce", *MESH, "--fixed", "x < 3"], "3 has no unit"),
         (["reduce", *MESH, "--depth", "0"], "depth in [reduce] must be a number above 0 and at most 1000 [m], got 0.0"),

@@ -99,7 +99,7 @@ class Material:
     def _formula(self, whole: str, own: Mapping[str, Any], parts: Mapping[str, Any]) -> None:
         """Checks a law given as a formula, whose parameters are the names in it."""
         if "energy" not in own:
-            raise VisceraError('material StrainEnergy: it needs a formula, as in energy = "mu/2*(I1bar - 3) + ..."')
+            raise VisceraError(f'[{whole}] StrainEnergy: it needs a formula, as in energy = "mu/2*(I1bar - 3) + ..."')
         Formula()(own["energy"], f"energy in [{whole}]")
         names = _names_in(own["energy"])
         _refuse_places(own, ("energy", "fibres", *names), whole)
