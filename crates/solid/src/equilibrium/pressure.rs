@@ -118,17 +118,28 @@ impl Pressure {
         });
     }
 
+    /// Adds the symmetric part of `-factor df/du` times `x`, `-p/2 (N_a e_b - N_b e_a) x x_b`: the product with what
+    /// [`Pressure::add_stiffness`] adds.
+    pub fn add_product(&self, body: &Body, u: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
+        self.add_part(body, u, [factor, -factor], x, out);
+    }
+
     /// Adds the skew part of `-factor df/du` times `x`, `-p/2 (N_a e_b + N_b e_a) x x_b`: zero inside a surface, since
     /// neighbours cancel.
     pub fn add_skew(&self, body: &Body, u: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
+        self.add_part(body, u, [factor, factor], x, out);
+    }
+
+    /// Adds `-p/2 (c N_a e_b + d N_b e_a) x x_b`, with the factors `[c, d]`.
+    fn add_part(&self, body: &Body, u: &[f64], [c, d]: [f64; 2], x: &[f64], out: &mut [f64]) {
         self.each(body, u, |FacePoint { nodes, pressure, shape, edges, .. }| {
             for a in 0..nodes.len() {
                 for b in 0..nodes.len() {
-                    let e =
-                        std::array::from_fn(|i| shape[a] * edges[b][i] + shape[b] * edges[a][i]);
+                    let (own, its) = (d * shape[b], c * shape[a]);
+                    let e = std::array::from_fn(|i| its * edges[b][i] + own * edges[a][i]);
                     let force = cross(e, at(x, nodes[b]));
                     for i in 0..3 {
-                        out[3 * nodes[a] as usize + i] -= 0.5 * factor * pressure * force[i];
+                        out[3 * nodes[a] as usize + i] -= 0.5 * pressure * force[i];
                     }
                 }
             }
@@ -327,6 +338,9 @@ mod tests {
             let (k, f) = (stiffness(&body, &pressure, &u, &v), slope(&body, &pressure, &u, &v));
             let size = dot(&f, &f).sqrt();
             assert!(size > 1.0 && k.iter().zip(&f).all(|(k, f)| (k + f).abs() < 1e-12 * size));
+            let mut product = f;
+            pressure.add_product(&body, &u, 1.0, &v, &mut product);
+            assert!(product.iter().all(|rest| rest.abs() < 1e-12 * size));
         }
     }
 

@@ -59,7 +59,7 @@ impl Stepper {
 
     /// `f_ext - f_int - K s - M a - C v` with the step `s` of the hands, in `residual`; the tangent becomes that of
     /// the frame.
-    pub(super) fn balance(&mut self, curvature: Curvature) {
+    pub(super) fn balance(&mut self, body: &Body, curvature: Curvature) {
         if let Some(damping) = &mut self.stiffness_damping {
             damping.linearize(&self.displacement, curvature);
         }
@@ -88,11 +88,7 @@ impl Stepper {
             }
             mass.add_to(of_mass, self.tangent.blocks_mut());
         }
-        if !self.contact.is_empty() {
-            // After the rest, which damping multiplies: a tool damps nothing.
-            self.contact.add_stiffness(curvature, self.tangent.blocks_mut());
-            self.contact.add_product(-1.0, &self.step, &mut self.residual);
-        }
+        self.stiffen(body, curvature);
     }
 
     /// What is out of balance where the body is, in `residual`, and its size relative to the nodal forces of its
@@ -117,11 +113,13 @@ impl Stepper {
             motion.mass.add_product(alpha, velocity, &mut self.inertia);
             if let Some(damping) = &mut self.stiffness_damping {
                 damping.velocity.copy_from_slice(velocity);
-                // K of the last iteration's start, out of its tangent `of_mass M + of_stiffness K` and that of the tools.
+                // K of the last iteration's start, out of its tangent `of_mass M + of_stiffness K` and that of loads.
                 let [of_mass, of_stiffness] = motion.tangent_factors();
                 self.tangent.multiply(velocity, &mut self.increment);
                 motion.mass.add_product(-of_mass, velocity, &mut self.increment);
-                self.contact.add_product(-1.0, velocity, &mut self.increment);
+                let (u, product) = (&damping.displacement, &mut self.increment);
+                self.pressure.add_product(body, u, -1.0, velocity, product);
+                self.contact.add_product(-1.0, velocity, product);
                 let factor = damping.beta / of_stiffness;
                 self.inertia.iter_mut().zip(&self.increment).for_each(|(r, k)| *r += factor * k);
             }

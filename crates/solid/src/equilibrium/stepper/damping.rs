@@ -4,7 +4,7 @@ use super::{Dynamics, Stepper};
 use crate::body::Curvature;
 
 /// Rayleigh's damping by stiffness as it acted at the end of a frame: the nodal forces `beta K(u) v` [N], with the
-/// tangent `K` of the body and its ties.
+/// tangent `K` of the body and its ties; loads, such as pressure and contact, have no part in it.
 #[derive(Clone, Debug)]
 pub struct StiffnessDamping {
     /// `beta` [s].

@@ -1,10 +1,10 @@
-//! Pressure in frames: it follows the surface, at every iteration.
+//! Loads in frames that follow the body at every iteration: pressure on its surface, and contact.
 //!
 //! The tangent of a frame has the symmetric part of its derivative, which is all of it on a closed surface or one whose
 //! rim is held. On a free rim frames lose their quadratic convergence and find the same equilibrium.
 
 use super::Stepper;
-use crate::body::Body;
+use crate::body::{Body, Curvature};
 use crate::equilibrium::Pressure;
 use crate::error::Error;
 
@@ -49,11 +49,17 @@ impl Stepper {
         self.contact.add_force(&mut self.external);
     }
 
-    /// Adds the stiffness of the pressure to the tangent.
-    pub(super) fn stiffen(&mut self, body: &Body) {
+    /// Adds the stiffness of pressure and contact to the tangent, and takes what they change by along the step of the
+    /// hands from the residual. That comes after the rest, which damping multiplies: a load damps nothing.
+    pub(super) fn stiffen(&mut self, body: &Body, curvature: Curvature) {
+        let (u, step, residual) = (&self.displacement, &self.step, &mut self.residual);
         if !self.pressure.is_empty() {
-            let blocks = self.tangent.blocks_mut();
-            self.pressure.add_stiffness(body, &self.displacement, 1.0, blocks);
+            self.pressure.add_stiffness(body, u, 1.0, self.tangent.blocks_mut());
+            self.pressure.add_product(body, u, -1.0, step, residual);
+        }
+        if !self.contact.is_empty() {
+            self.contact.add_stiffness(curvature, self.tangent.blocks_mut());
+            self.contact.add_product(-1.0, step, residual);
         }
     }
 }

@@ -198,7 +198,7 @@ impl Stepper {
         self.shift = if taken == 0.0 { larger } else { 0.0 };
     }
 
-    /// Forces and tangent where the body is.
+    /// Forces where the body is, and the tangent of all but its loads.
     fn linearize(
         &mut self,
         body: &Body,
@@ -225,7 +225,6 @@ impl Stepper {
             _ => Linearization::Here,
         };
         self.press(body, linearization);
-        self.stiffen(body);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();
         }
@@ -250,7 +249,7 @@ impl Stepper {
             self.begin_frame();
         }
         self.move_hands(input);
-        self.balance(curvature);
+        self.balance(body, curvature);
         let residual = self.constraint_residual(input);
         let near = ARRIVED * self.length;
         self.hands_move = residual.iter().chain(&self.step).any(|&by| by.abs() > near);
@@ -282,7 +281,7 @@ impl Stepper {
                 curvature = Curvature::Projected;
                 self.linearize(body, curvature, is_first)?;
                 self.move_hands(input);
-                self.balance(curvature);
+                self.balance(body, curvature);
             }
         };
         self.step.iter_mut().zip(&self.increment).for_each(|(s, f)| *s += f);

@@ -237,3 +237,52 @@ fn a_patch_moves_with_the_mean_velocity_of_the_frame() {
         }
     }
 }
+
+/// A face of a body.
+fn pressed_face(body: &Body, value: f64) -> Pressure {
+    let is_on = |&n: &u32| body.points()[n as usize][0] == 0.0;
+    let all = body.surface();
+    let faces: Vec<_> = all.iter().filter(|t| t.iter().all(is_on)).map(|t| t.to_vec()).collect();
+    Pressure { values: vec![value; faces.len()], faces }
+}
+
+/// Pressure on one face drives a body that nothing holds. Damping by stiffness takes no part of the load: at every node
+/// the frame leaves `f_int + M a + beta K v - f_pressure` of Newton's law, with `K` of body alone, taken here by itself.
+#[test]
+fn pressure_is_not_damped() {
+    let body = bar("neo_hookean");
+    let (beta, n) = (0.05, body.n_dofs());
+    for method in [Method::Cholesky, Method::ConjugateGradients(MATRIX_FREE)] {
+        for integration in [Integration::BackwardEuler, TRAPEZOID] {
+            let mut settings = dynamic(integration, Mass::Lumped, 2e-3);
+            settings.dynamics.as_mut().unwrap().damping[1] = beta;
+            (settings.method, settings.iterations) = (method, 4);
+            let mut stepper = Stepper::new(&body, &[], None, settings).unwrap();
+            let pressure = pressed_face(&body, 5e3);
+            stepper.set_pressure(&body, pressure.clone()).unwrap();
+            for number in 0..20 {
+                let frame = stepper.frame(&body, &STILL).unwrap();
+                assert!(frame.is_settled, "{method:?} {integration:?} frame {number}: {frame:?}");
+                let (motion, damping) =
+                    (stepper.motion.as_ref().unwrap(), stepper.stiffness_damping());
+                let StiffnessDamping { velocity, displacement, curvature, .. } = damping.unwrap();
+                let (mut expected, mut force, mut damped) =
+                    (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+                let mut tangent = body.zero_tangent();
+                body.linearize(displacement, *curvature, &mut force, &mut tangent);
+                tangent.multiply(velocity, &mut damped);
+                body.internal_force(stepper.displacement(), &mut expected);
+                motion.mass.add_product(1.0, &motion.acceleration, &mut expected);
+                pressure.add_force(&body, stepper.displacement(), -1.0, &mut expected);
+                expected.iter_mut().zip(&damped).for_each(|(f, k)| *f += beta * k);
+                let size = expected.iter().chain(&force).fold(0.0f64, |most, f| most.max(f.abs()));
+                for (found, expected) in stepper.reactions().zip(expected) {
+                    assert!(
+                        (found - expected).abs() < 1e-9 * size,
+                        "{found} {expected} of {size} N"
+                    );
+                }
+            }
+        }
+    }
+}
