@@ -214,6 +214,28 @@ def test_a_surface_that_only_bends_does_not_touch_itself() -> None:
     assert abs(state.displacement - free.displacement).max() < 1e-8
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_solve_that_stops_tells_the_contact_of_its_state(block: Any, friction: float) -> None:
+    """A hook bent until it snaps: at the free nodes the forces balance, those of contact among them. The load step that
+    failed led far away, and what it met there had forces of 200 N."""
+    points, cells = block((6, 2, 4), (0.6, 0.2, 0.2))
+    x, _, z = points[cells].mean(axis=1).T
+    used, cells = np.unique(cells[(x < 0.1) | (abs(z - 0.1) > 0.05)], return_inverse=True)
+    mesh = vs.mesh(points[used], cells.reshape(-1, 4), {"root": points[used][:, 0] == 0.0})
+    pair = vs.ContactPair("hook", friction=friction)
+    organ = vs.Organ(mesh, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root", element="P1")
+    force = 20.0
+    state = vs.Scene({"hook": organ}, contacts=[pair]).solve(
+        force={"hook/x > 99% and z > 99%": (0, 0, -force)}, settings={"max_iterations": 25, "smallest_step": 0.002}
+    )
+    assert not state.is_converged
+    assert 0.0 < state.load < 1.0
+    assert state.contact(pair).touching > 0
+    free = mesh.points[:, 0] > 0.0
+    # The solve's own tolerance is 1e-8 of all nodal forces, which are some times the load.
+    assert abs(state._nodal()["reaction"][free]).max() < 1e-7 * force
+
+
 def test_a_lobe_that_slides_on_the_other_dissipates_without_names() -> None:
     pair = vs.ContactPair("jaws", friction=0.3)
     stepper = closed(pair)

@@ -27,6 +27,7 @@ mod weighted_nodes;
 pub use distance::Distance;
 pub use friction::Friction;
 pub use layer::STIFFNESS;
+pub use pair::Met;
 pub use pose::Pose;
 pub use shape::Shape;
 pub use solid::Solid;
@@ -217,6 +218,16 @@ impl Contact {
     pub fn end(&mut self, u: &[f64]) {
         self.pairs.iter_mut().for_each(ActivePair::end);
         self.each(|held| held.end(u));
+    }
+
+    /// What each pair met where it was linearized last.
+    pub fn met(&self) -> Vec<Met> {
+        self.pairs.iter().map(ActivePair::met).collect()
+    }
+
+    /// Takes the pairs back there, from a step that has failed.
+    pub fn go_back(&mut self, met: Vec<Met>) {
+        self.pairs.iter_mut().zip(met).for_each(|(pair, met)| pair.go_back(met));
     }
 
     /// Finds the contacts at a displacement, and their forces.

@@ -7,6 +7,7 @@
 //! half the area.
 
 mod candidate_list;
+mod met;
 mod pieces;
 mod rubbing;
 mod steps;
@@ -23,6 +24,7 @@ use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
 use crate::mesh::{cross, crossing, diagonal, norm, sub};
 use candidate_list::CandidateList;
+pub use met::Met;
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;

@@ -93,7 +93,8 @@ impl<'a> Run<'a> {
             return Err(Cut::Entered { tool, shape });
         }
         self.contact.end(&u);
-        (self.u, self.multipliers, self.load) = (u, multipliers, load);
+        (self.u, self.multipliers, self.load, self.met) =
+            (u, multipliers, load, self.contact.met());
         self.residuals.push(history.iter().map(|&[told, _]| told).collect());
         Ok(steps)
     }

@@ -4,7 +4,7 @@ use super::Newton;
 use super::listener::while_wanted;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
-use crate::contact::Contact;
+use crate::contact::{Contact, Met};
 use crate::equilibrium::ending::{Cut, Ending, Fall, Slopes, unsound_cell};
 use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::outcome::{Equilibrium, Seconds};
@@ -36,6 +36,8 @@ pub(super) struct Run<'a> {
     pub(super) u: Vec<f64>,
     pub(super) multipliers: Vec<f64>,
     pub(super) load: f64,
+    /// What contact pairs meet there.
+    pub(super) met: Vec<Met>,
     pub(super) start: Vec<f64>,
     pub(super) start_means: Vec<[f64; 3]>,
     /// Out-of-balance force of the start state on the free degrees of freedom.
@@ -105,6 +107,7 @@ impl<'a> Run<'a> {
         Ok(Run {
             settings,
             problem,
+            met: contact.met(),
             contact,
             widened: None,
             progress,
@@ -364,6 +367,7 @@ impl<'a> Run<'a> {
             self.problem.force.iter().map(|force| self.load * force).collect();
         self.problem.pressure.add_force(body, &self.u, self.load, &mut external_force);
         self.contact.advance(self.load);
+        self.contact.go_back(std::mem::take(&mut self.met));
         self.contact.linearize(&self.u);
         self.contact.add_force(&mut external_force);
         let ending = Ending {
