@@ -63,6 +63,19 @@ rotation = [0, 1.5707963267948966, 0]
 [loads]
 density = {lower = 500, upper = 1000}
 """
+RESTING = """
+mesh = "bar.vtu"
+units = "m"
+material = {law = "NeoHookean", young = 1e5, poisson = 0.3}
+
+[supports."z < 1%"]
+stiffness = 1e6
+
+[loads]
+gravity = [0, 0, -9.81]
+density = 500
+force = {"x > 99%" = [0, 0, 1]}
+"""
 TOP = (0.35, 0.05, 0.21)
 PUSH = (0.0, 0.0, -0.02)
 FACTS = 14
@@ -318,6 +331,33 @@ def test_what_a_page_cannot_do_is_refused_before_any_work(
         assert not (tmp_path / target).exists()
     with pytest.raises(vs.VisceraError, match="a scene is stepped on this machine"):
         serve_live(case, in_page=True)
+
+
+def test_an_organ_with_elastic_supports_is_stepped_on_this_machine(
+    case: SceneCase, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (case.folder / "resting.toml").write_text(RESTING)
+    resting = vs.case(case.folder / "resting.toml")
+    reply = live_scene(resting, "Bar").open()
+    hello = json.loads(reply(""))
+    assert (hello["name"], hello["gravity"], hello["left_out"]) == ("Bar", [0.0, 0.0, -9.81], ["force"])
+    answer = reply("{}")
+    assert isinstance(answer, bytes)
+    organ = resting.organ()
+    exact = organ.solve(gravity=(0.0, 0.0, -9.81), density=500.0)
+    nodes = organ.mesh.surface_nodes
+    shown = np.frombuffer(answer, "<f4")[1 + FACTS :].reshape(-1, 3)
+    assert shown[: len(nodes)] == pytest.approx(exact.displacement[nodes], abs=1e-3 * exact.max_displacement)
+    with serve_live(resting, "Bar") as server, page_of(server) as socket:
+        assert json.loads(socket.recv())["name"] == "Bar"
+    with pytest.raises(vs.VisceraError, match="an organ with elastic supports is stepped on this machine"):
+        serve_live(resting, in_page=True)
+    assert cli.main(["view", str(case.folder / "resting.toml"), "--export", str(tmp_path / "site")]) == 2
+    assert "an organ with elastic supports is stepped on this machine, by `viscera view`" in capsys.readouterr().err
+    scanned = case.folder / "scanned.toml"
+    scanned.write_text(RESTING.replace("[loads]", "[scan]").replace('force = {"x > 99%" = [0, 0, 1]}', ""))
+    with pytest.raises(vs.VisceraError, match=r"scanned.toml: .* solve the \[scan\] first"):
+        live_scene(vs.case(scanned), "Bar")
 
 
 def test_a_scene_that_cannot_be_stepped_is_refused_before_it_is_served(case: SceneCase) -> None:

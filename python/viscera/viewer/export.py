@@ -17,7 +17,7 @@ from viscera.quantity import path_of
 from viscera.reduced.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
-from viscera.viewer.live import PAGE_UNKNOWNS, live_case, require_one_organ
+from viscera.viewer.live import PAGE_UNKNOWNS, live_case, require_for_a_page
 from viscera.viewer.web import WebModel, web_model
 
 
@@ -59,9 +59,9 @@ def export(touch: Touch, folder: str | os.PathLike[str], name: str = "Organ") ->
 def export_case(case: Case | SceneCase, folder: str | os.PathLike[str], name: str = "Organ") -> ExportedCase:
     """Write the page and a case that it steps in real time, likewise.
 
-    Raises `VisceraError` if the case is too large, or is a scene, which no page can step.
+    Raises `VisceraError` if the case is too large, or is a scene or has elastic supports, which no page can step.
     """
-    require_one_organ(case)
+    require_for_a_page(case)
     target, files = _target(folder), page.stepping_files()
     live = live_case(case, name)
     if not live.fits_a_page:

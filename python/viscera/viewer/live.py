@@ -75,14 +75,14 @@ class LiveCase:
 
 
 def live_case(case: Case | SceneCase, name: str) -> LiveCase:
-    """Pack a case under a name to show; raises `VisceraError` if it cannot be stepped."""
-    require_one_organ(case)
+    """Pack a case under a name to show; raises `VisceraError` if no page can step it."""
+    require_for_a_page(case)
     if not isinstance(case, Case):
         raise refused("what a page steps", "a case of one organ, as viscera.case reads it", case)
     with naming(case.file):
         case.require_unloaded("view")
         organ = case.organ()
-        _require_steppable(organ)
+        organ._require_held(BY_NODES)
     return _packed(
         organ,
         name,
@@ -94,27 +94,23 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
     )
 
 
-def _require_steppable(organ: Organ) -> None:
-    """Raise `VisceraError` for an organ that a page does not step."""
-    if organ.supports:
-        raise VisceraError(
-            "an organ with elastic supports cannot be stepped in a page yet; fix nodes instead, or `viscera reduce` it "
-            "and view the model"
-        )
-    organ._require_held(BY_NODES)
-
-
 def left_out(case: Case | SceneCase) -> list[str]:
     """The kinds of loads of a case that its page does not apply."""
     return [kind for kind in PLACED if case.loads.get(kind)]
 
 
-def require_one_organ(case: Case | SceneCase) -> None:
-    """Raise `VisceraError` for a scene, whose contact, bonds and springs no page can step."""
-    if isinstance(case, SceneCase):
+def is_for_this_machine(case: Case | SceneCase) -> bool:
+    """Whether Python steps a case: a scene, or an organ with elastic supports, which no page can step."""
+    return isinstance(case, SceneCase) or (isinstance(case, Case) and bool(case.supports))
+
+
+def require_for_a_page(case: Case | SceneCase) -> None:
+    """Raise `VisceraError` for a case whose contact, bonds, springs or supports no page can step."""
+    if is_for_this_machine(case):
+        what = "a scene" if isinstance(case, SceneCase) else "an organ with elastic supports"
         raise VisceraError(
-            "a scene is stepped on this machine, by `viscera view` without --export; the page to export is that of a "
-            "case of one organ, or of a reduced model"
+            f"{what} is stepped on this machine, by `viscera view` without --export; the page to export is that of a "
+            "case of one organ without supports, or of a reduced model"
         )
 
 

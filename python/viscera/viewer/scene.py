@@ -1,4 +1,7 @@
-"""A scene for the page, stepped on this machine: by Python, as no page has contact, bonds and springs in itself."""
+"""A scene, or an organ with elastic supports, for the page, stepped on this machine by Python.
+
+No page has contact, bonds, springs and supports in itself.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from dataclasses import dataclass
 
 from viscera.boundary.holding import AT_REST
 from viscera.boundary.loads import Density
+from viscera.cases.case import Case
 from viscera.cases.scene_case import SceneCase
 from viscera.errors import naming
-from viscera.scene import Scene
+from viscera.organ import Organ
 from viscera.stepping.stepper import Stepper
 from viscera.viewer.live import DENSITY, NOWHERE, Reply, left_out
 from viscera.viewer.stepped import PlayedStepper
@@ -24,9 +28,9 @@ DIRECT_CELLS = 5000
 
 @dataclass(frozen=True)
 class LiveScene:
-    """A scene under gravity; each page gets its own stepper of it."""
+    """A scene or an organ under gravity; each page gets its own stepper of it."""
 
-    scene: Scene
+    organ: Organ
     name: str
     density: Density
     gravity: Sequence[float]
@@ -38,16 +42,19 @@ class LiveScene:
         return PlayedStepper(self.stepper, self.name, self.gravity, self.left_out).reply
 
     def stepper(self) -> Stepper:
-        """The scene at rest."""
-        solver = "cholesky" if len(self.scene.mesh.cells) <= DIRECT_CELLS else "cg"
-        return self.scene.stepper(solver=solver, iterations=ITERATIONS, budget=BUDGET, density=self.density)
+        """The organs at rest."""
+        solver = "cholesky" if len(self.organ.mesh.cells) <= DIRECT_CELLS else "cg"
+        return self.organ.stepper(solver=solver, iterations=ITERATIONS, budget=BUDGET, density=self.density)
 
 
-def live_scene(case: SceneCase, name: str) -> LiveScene:
-    """The scene of a case under a name to show; raises `VisceraError` if it cannot be made or stepped."""
+def live_scene(case: Case | SceneCase, name: str) -> LiveScene:
+    """What a case is of, under a name to show; raises `VisceraError` if it cannot be made or stepped."""
+    if isinstance(case, Case):
+        with naming(case.file):
+            case.require_unloaded("view")
     density, gravity = case.loads.get("density") or DENSITY, case.loads.get("gravity") or NOWHERE
     live = LiveScene(case.organ(), name, density, gravity, left_out(case))
     with naming(case.file):
-        live.scene._require_held(AT_REST)
+        live.organ._require_held(AT_REST)
         live.stepper()  # what no page could be given, such as a body inside an organ, is refused here
     return live

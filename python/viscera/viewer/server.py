@@ -31,7 +31,7 @@ from viscera.quantity import Whole
 from viscera.reduced.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
-from viscera.viewer.live import converse, live_case, require_one_organ
+from viscera.viewer.live import converse, is_for_this_machine, live_case, require_for_a_page
 from viscera.viewer.scene import live_scene
 from viscera.viewer.surface import surface_model
 
@@ -230,11 +230,12 @@ def serve_live(case: Case | SceneCase, name: str = "Organ", port: int = 0, *, in
     """A server with the page on which a case is stepped in real time.
 
     in_page: whether the page steps it, or this machine; by default the page, where it is built for that and the organ
-        is small enough. This machine steps a scene; raises `VisceraError` if the page should.
+        is small enough. This machine steps a scene, and an organ with elastic supports; raises `VisceraError` if the
+        page should.
     """
     if in_page:
-        require_one_organ(case)
-    if isinstance(case, SceneCase):
+        require_for_a_page(case)
+    if is_for_this_machine(case):
         files = page.live_files()  # before the work on the scene
         return Server(files, port, converse(live_scene(case, name)))
     live = live_case(case, name)
