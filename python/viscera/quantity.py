@@ -29,6 +29,7 @@ LARGEST = {
     "Pa": 1e15,
     "N/m": 1e12,
     "N/m^3": 1e18,
+    "m/s": 1e6,
     "m/s^2": 1e6,
     "kg/m^3": 1e6,
     "s": 1e6,
@@ -157,6 +158,19 @@ def vector(value: Any, what: str, unit: str) -> NDArray[np.float64]:
     if numbers is None or numbers.shape != (3,) or not (np.abs(numbers) <= LARGEST[unit]).all():
         raise refused(what, Vector(unit), value)
     return numbers
+
+
+def check_nodal(rows: NDArray[np.float64], what: str, unit: str) -> None:
+    """Raise `VisceraError` for the first node whose row (3,) in `rows` (n, 3) is not finite or too large for the unit.
+
+    >>> check_nodal(np.array([[0.0, 0.0, 1.0], [0.0, 1e160, 0.0]]), "the velocity of node", "m/s")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: the velocity of node 1 must be three finite numbers [m/s], none above 1e+06 in ...
+    """
+    wrong = np.argwhere(~(np.abs(rows) <= LARGEST[unit]))
+    if len(wrong):
+        node = wrong[0][0]
+        raise refused(f"{what} {node}", Vector(unit), rows[node].tolist())
 
 
 def numbers_of(value: Any) -> NDArray[np.float64] | None:

@@ -28,7 +28,7 @@ from viscera.errors import NotConverged, VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.path import Expansion, Path
 from viscera.progress import Progress, shown
-from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
+from viscera.quantity import Choice, Number, Whole, check_nodal, numbers_of, refused, vector
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State, refuse_other_points
 from viscera.stepping.frame import Frame
@@ -215,6 +215,7 @@ def displacement_of(
             f"{call} belongs to another mesh: its displacement has shape {given.shape}, "
             f"this mesh needs {mesh.points.shape}"
         )
+    check_nodal(given, f"{what}: the displacement of node", "m")
     if organ is not None:
         refuse_other_points(
             organ.mesh, mesh, f"{call} is not one of this organ", "take the organ that it was solved with"

@@ -132,6 +132,8 @@ def test_poses_are_refused_before_they_reach_the_probes(beam: vs.Touch) -> None:
         hands.place((0, 0, 1))
     with pytest.raises(VisceraError, match="the positions of the probes are 'above'; give 2 vectors"):
         hands.place("above")
+    with pytest.raises(VisceraError, match=r"the positions of the probes are array.*; give 2 vectors"):
+        hands.place(np.full((2, 3), 1j))
     with pytest.raises(VisceraError, match="the positions of the probes, number 1"):
         hands.place([(0, 0, 1), (0, 0, float("nan"))])
     with pytest.raises(VisceraError, match="the time step"):

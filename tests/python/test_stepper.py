@@ -371,6 +371,23 @@ def test_bad_frames_are_refused_and_change_nothing(organ: vs.Organ) -> None:
     assert (stepper.displacement == before).all()
 
 
+def test_velocities_and_starts_that_cannot_be_are_refused(organ: vs.Organ) -> None:
+    shape = organ.mesh.points.shape
+    stepper = organ.stepper(density=1000, time_step=0.01, dynamics="newmark")
+    wrong: Any
+    for wrong in ({}, np.full(shape, 1j), np.zeros(shape[::-1]), "fast", True):
+        with pytest.raises(VisceraError, match=r"velocity must be an array .* of numbers \[m/s\], got"):
+            stepper.velocity = wrong
+    too_fast = np.zeros(shape)
+    too_fast[3, 1] = 1e160
+    with pytest.raises(VisceraError, match="the velocity of node 3 must be three finite numbers"):
+        stepper.velocity = too_fast
+    with pytest.raises(VisceraError, match="start: the displacement of node 3 must be three finite numbers"):
+        organ.stepper(start=too_fast)
+    assert stepper.velocity is not None
+    assert not stepper.velocity.any()
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="its Ctrl-C goes to the whole console")
 def test_ctrl_c_ends_a_frame_of_many_iterations() -> None:
     """The organ is as before the frame: it has not settled after its thousand iterations."""

@@ -16,7 +16,7 @@ from viscera.errors import VisceraError
 from viscera.members import words_of
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.mesh import Where as Nodes
-from viscera.quantity import LARGEST, Number, Vector, numbers_of, refuse_masked, refused, vector
+from viscera.quantity import LARGEST, Number, check_nodal, numbers_of, refuse_masked, refused, vector
 from viscera.select import AXES, FREE, Lengths, offset
 
 log = logging.getLogger("viscera")
@@ -123,10 +123,7 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
             raise refused("force", "{where: (x, y, z)} [N], or an array (n, 3) of nodal forces", force)
         if given.shape != mesh.points.shape:
             raise VisceraError(f"nodal forces have shape {given.shape}; the mesh needs {mesh.points.shape}")
-        wrong = np.argwhere(~(np.abs(given) <= LARGEST["N"]))
-        if len(wrong):
-            node = wrong[0][0]
-            raise refused(f"the force on node {node}", Vector("N"), given[node].tolist())
+        check_nodal(given, "the force on node", "N")
         return given
     nodal = np.zeros_like(mesh.points)
     for where, total in by_place(force, "force").items():

@@ -14,7 +14,7 @@ from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.immutable import Immutable
 from viscera.mesh import Floats, Mesh
-from viscera.quantity import Number, refuse_masked, refused, vector
+from viscera.quantity import Number, brief, numbers_of, refuse_masked, refused, vector
 from viscera.sealed import read_only
 from viscera.select import length
 
@@ -315,10 +315,9 @@ class Probes(Immutable):
 
     def _vectors(self, values: ArrayLike, name: str) -> Floats:
         refuse_masked(values, name, "vectors (x, y, z) [m]")
-        try:
-            given = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
-            raise VisceraError(f"{name} are {values!r}; give {len(self.probes)} vectors (x, y, z) [m]") from None
+        given = numbers_of(values)
+        if given is None:
+            raise VisceraError(f"{name} are {brief(values)}; give {len(self.probes)} vectors (x, y, z) [m]")
         if given.shape != (len(self.probes), 3):
             raise VisceraError(f"{name} have the shape {given.shape}; give {len(self.probes)} vectors (x, y, z) [m]")
         return np.array([vector(each, f"{name}, number {number}", "m") for number, each in enumerate(given)])

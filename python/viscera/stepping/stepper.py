@@ -31,7 +31,7 @@ from viscera.contact.shapes import AnyShape, Box, Capsule, Sphere
 from viscera.contact.tool import Tool, contacts
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
-from viscera.quantity import Choice, Number, Whole, numbers_of, refuse_masked, refused, vector
+from viscera.quantity import Choice, Number, Whole, check_nodal, numbers_of, refused, vector
 from viscera.solver import Solver, core_solver
 from viscera.stepping.dynamics import Integration, Prony, core_integration
 from viscera.stepping.frame import Frame
@@ -100,12 +100,11 @@ class Stepper:
 
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:
-        refuse_masked(value, "velocity", "an array (n, 3) of numbers [m/s]")
-        try:
-            rows = np.array(value, dtype=float, ndmin=2)
-        except ValueError as error:
-            raise VisceraError(f"velocity is no array of numbers: {error}") from None
-        self._core.set_velocity(rows)
+        given, shape = numbers_of(value), self._organ.mesh.points.shape
+        if given is None or given.shape != shape:
+            raise refused("velocity", f"an array {shape} of numbers [m/s]", value)
+        check_nodal(given, "the velocity of node", "m/s")
+        self._core.set_velocity(given)
 
     def grasp(self, where: Where) -> Hand:
         """Take hold of a place where it is now: the free nodes of a set, or the mean of a contact patch.
