@@ -46,7 +46,7 @@ class Frame(Deformed, Pictured):
     """Residual: out-of-balance force at the end of the frame, relative to all nodal forces."""
     is_settled: bool
     """Whether its forces can be relied on: the residual is at most the stepper's `settled`, the hands are where they
-    were told to be, and no cell is at a bound."""
+    were told to be, no cell is at a bound, and with inertia the last step was not cut back."""
     steps: int
     """Newton iterations done."""
     cells_at_bound: int
@@ -54,7 +54,8 @@ class Frame(Deformed, Pictured):
     force of a barrier acts on them beside that of the law. Where some remain, spread the load or what holds the organ
     there, or remesh it. `Linear` and `StableNeoHookean` let cells turn inside out and have no bounds."""
     taken: float
-    """Part of the step that was taken: below 1 if a cell would have been crushed or torn. Hands moved only so far."""
+    """Part of the step that was taken: below 1 if a cell would have been crushed or torn, or a node led farther than
+    the organ is long. Hands moved only so far."""
     is_unstable: bool
     """Whether the last tangent of the frame was not positive definite, as in an organ that is about to buckle."""
     iterations: int

@@ -27,7 +27,7 @@ pub struct Frame {
     /// Residual: remaining out-of-balance force, relative to all nodal forces.
     pub residual: f64,
     /// Whether the forces can be relied on: the residual is that of [`StepperSettings::settled`] or less, the hands are
-    /// where they are to be, and no cell is at a bound.
+    /// where they are to be, no cell is at a bound, and no body with inertia was cut back in its last step.
     ///
     /// [`StepperSettings::settled`]: super::StepperSettings::settled
     pub is_settled: bool,

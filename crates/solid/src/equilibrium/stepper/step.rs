@@ -41,6 +41,8 @@ pub(super) struct Progress {
     pub taken: f64,
     /// The last step was cut back. A cut that later steps have made up for leaves nothing out of balance.
     pub is_cut: bool,
+    /// The same of a body with inertia: it has lost momentum, and its residual holds no forces of inertia.
+    pub is_braked: bool,
     pub is_unstable: bool,
     /// Newton iterations.
     pub steps: usize,
@@ -73,6 +75,7 @@ impl Progress {
         Progress {
             taken: 1.0,
             is_cut: false,
+            is_braked: false,
             is_unstable: false,
             steps: 0,
             residual: f64::INFINITY,
@@ -90,9 +93,14 @@ impl Progress {
         self.has_arrived && self.taken == 1.0
     }
 
-    /// Whether what is left is no more than this, with the hands where they are to be.
+    /// The relative residual, infinite as long as hands or inertia lead on.
+    fn left(&self) -> f64 {
+        if self.has_arrived && !self.is_braked { self.residual } else { f64::INFINITY }
+    }
+
+    /// Whether what is left is no more than this, with the hands where they are to be and all of the motion made.
     pub fn is_settled(&self, residual: f64) -> bool {
-        self.residual <= residual && self.has_arrived
+        self.left() <= residual
     }
 }
 
@@ -112,8 +120,7 @@ impl Iteration for FrameIteration<'_> {
     type Failure = Error;
 
     fn residual(&mut self) -> Result<f64, Error> {
-        let Progress { residual, has_arrived, .. } = self.progress;
-        Ok(if has_arrived { residual } else { f64::INFINITY })
+        Ok(self.progress.left())
     }
 
     fn step(&mut self) -> Result<(), Error> {
@@ -134,6 +141,7 @@ impl Iteration for FrameIteration<'_> {
         let moved = if stepper.hands_move { stepper.motion_fraction * taken } else { taken };
         (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
         progress.is_cut = taken < 1.0;
+        progress.is_braked = progress.is_cut && stepper.motion.is_some();
         progress.has_arrived = !stepper.hands_move || moved == 1.0;
         progress.steps += 1;
         stepper.adapt(taken, is_unstable, solved.indefinite.is_some());

@@ -208,6 +208,29 @@ fn a_frame_that_recovers_from_a_cut_keeps_its_inertia() {
     }
 }
 
+/// A body that flies farther in a frame than it is long: no iteration takes it so far. Where there is but one, the frame
+/// ends short of the way and has not settled; where there are more, they go all the way, and it keeps its velocity.
+#[test]
+fn a_frame_that_brakes_a_flight_has_not_settled() {
+    let body = bar("neo_hookean");
+    let speed = 100.0;
+    for integration in [Integration::BackwardEuler, TRAPEZOID] {
+        for (iterations, goes_all_the_way) in [(1, false), (10, true)] {
+            let settings =
+                StepperSettings { iterations, ..dynamic(integration, Mass::Lumped, 0.01) };
+            let mut stepper = Stepper::new(&body, &[], None, settings).unwrap();
+            let flight: Vec<f64> = body.points().iter().flat_map(|_| [speed, 0.0, 0.0]).collect();
+            stepper.set_velocity(&flight).unwrap();
+            let frame = stepper.frame(&body, &STILL).unwrap();
+            assert!(frame.taken < 1.0, "{integration:?}: {frame:?}");
+            assert_eq!(frame.is_settled, goes_all_the_way, "{integration:?}: {frame:?}");
+            let kept = stepper.velocity().unwrap().iter().zip(&flight);
+            let lost = kept.fold(0.0f64, |most, (v, w)| most.max((v - w).abs()));
+            assert_eq!(lost < 1e-9 * speed, goes_all_the_way, "{integration:?}: {lost} m/s");
+        }
+    }
+}
+
 /// A hand on a patch moves at one speed and then stands still: by Newmark's rule its force does not swing from frame to
 /// frame, and the patch moves with the mean velocity of the frame.
 #[test]
