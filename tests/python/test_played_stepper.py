@@ -66,6 +66,46 @@ def test_the_page_is_told_to_go_on_while_the_organ_moves(organ: vs.Organ) -> Non
     assert last[1:4] == pytest.approx(force, rel=5e-3, abs=5e-3 * np.linalg.norm(force))
 
 
+def test_a_touch_of_relaxing_tissue_lasts_until_it_has_relaxed(organ: vs.Organ) -> None:
+    shown = played(organ.stepper(time_step=0.1, relaxation=vs.Prony(g=[0.3, 0.2], tau=[0.2, 1.0]), iterations=6))
+    told = shown.answer(TOP, PUSH)
+    assert told["is_trusted"]
+    # All of the stress relaxes to a half, but for the thousandth that counts as rest.
+    assert told["force"] == pytest.approx(0.5 * static_force(organ), rel=2e-3, abs=2e-3 * np.linalg.norm(told["force"]))
+    shown.release()
+    assert np.abs(shown._stepper.displacement).max() < 2e-3 * 0.01
+
+
+def test_the_page_is_told_to_go_on_while_tissue_relaxes(organ: vs.Organ) -> None:
+    shown = played(organ.stepper(time_step=0.1, relaxation=vs.Prony(g=[0.5], tau=[0.5]), iterations=6))
+    frame(shown)
+    first = frame(shown, grab=TOP, move=PUSH)
+    assert first[4] < 1e-3  # the frame itself is in balance
+    assert not first[SETTLED]
+    while not (last := frame(shown))[SETTLED]:
+        pass
+    force = 0.5 * static_force(organ)
+    assert last[1:4] == pytest.approx(force, rel=2e-3, abs=2e-3 * np.linalg.norm(force))
+    assert not frame(shown, release=True)[SETTLED]
+
+
+def test_a_force_is_not_trusted_while_tissue_relaxes(organ: vs.Organ, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viscera.viewer.stepped.MOVING_FRAMES", 30)
+    shown = played(organ.stepper(time_step=0.01, relaxation=vs.Prony(g=[0.5], tau=[1.0]), iterations=6))
+    with pytest.warns(UserWarning, match="the organ still relaxes after 30 frames, so the force is not trusted"):
+        told = shown.answer(TOP, PUSH)
+    assert told["is_trusted"] is False
+
+
+@pytest.mark.parametrize("inertia", [{}, {"density": 1000, "dynamics": "backward_euler"}])
+def test_what_a_tool_alone_presses_comes_to_rest(organ: vs.Organ, inertia: dict[str, Any]) -> None:
+    stepper = organ.stepper(time_step=0.1, relaxation=vs.Prony(g=[0.5], tau=[0.1]), iterations=10, **inertia)
+    stepper.tool(vs.Sphere(0.03), position=(0.35, 0.05, 0.131)).move((0, 0, -0.01))
+    shown = played(stepper)
+    assert not frame(shown)[SETTLED]
+    assert any(frame(shown)[SETTLED] for _ in range(100))
+
+
 def test_a_hold_stays_where_another_is_refused(organ: vs.Organ) -> None:
     shown = played(organ.stepper(iterations=10))
     told = shown.answer(TOP, PUSH)

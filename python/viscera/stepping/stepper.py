@@ -75,7 +75,8 @@ class Stepper:
         self._fault: str | None = None
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
-        self._relaxes = settings["relaxation"] is not None
+        self._time_step: float | None = settings["time_step"]
+        self._relaxation: tuple[list[float], list[float]] | None = settings["relaxation"]
         self._core = _core.Stepper(organ._body, start=start, **settings)
         self._hold(self._motion)
         for body in organ._bodies:
@@ -194,7 +195,8 @@ class Stepper:
         """Show the organ in a notebook, stepped in the kernel by up to two hands on the page, or from Python.
 
         Needs `pip install anywidget`. `widget.touch(point, displacement)` [m] holds the patch around a surface
-        point and steps until it has settled, with inertia until the organ rests; `widget.release()` lets go.
+        point and steps until it has settled, with inertia or relaxation until the organ rests; `widget.release()` lets
+        go.
         `widget.point`, `widget.displacement`, `widget.force` and `widget.is_trusted` follow each touch:
         `widget.observe(handler, "force")`. Frames of the page apply no load except the hands. Tools that the stepper
         has by now are shown, where they are, as are the bodies and springs of a `Scene`. name: shown above the organ;
@@ -296,7 +298,7 @@ class Stepper:
             _patches=patches,
             _patch_forces=result["patch_forces"],
             _organ=self._organ,
-            _relaxes=self._relaxes,
+            _relaxes=self._relaxation is not None,
             _damping=None if result["damping"] is None else Damping(*result["damping"]),
             _contacts=list(felt.items()),
             _pairs=list(zip(pairs, contacts(self._core.contact_pairs()), strict=True)) if pairs else [],

@@ -18,6 +18,7 @@ from viscera.mesh import Floats, Mesh
 from viscera.scene import Scene
 from viscera.select import Lengths, offset
 from viscera.select import point as point_of
+from viscera.viewer.memory import Memory
 from viscera.viewer.notebook import Told, told
 from viscera.viewer.request import read
 from viscera.viewer.rest import Rest
@@ -38,7 +39,7 @@ ONE_PLACE = float(np.sqrt(1.0 - 0.2**2))
 FRAMES = 20
 """Frames that a touch from Python takes at most to settle."""
 MOVING_FRAMES = 500
-"""The same with inertia, until the organ has come to rest."""
+"""The same with inertia or relaxation, until the organ has come to rest."""
 
 
 class PlayedStepper:
@@ -80,16 +81,18 @@ class PlayedStepper:
     def answer(self, point: Lengths, displacement: Lengths) -> Told:
         """Frames with the first hand at a point, displaced from rest, until they have settled and the organ is at rest.
 
-        It warns where an organ with inertia still moves after the last frame; its force is not trusted.
+        It warns where an organ with inertia still moves after the last frame, or tissue still relaxes; its force is not
+        trusted.
         """
         place = point_of(point, self._organ.mesh, "contact point")
         push = offset(displacement, self._organ.mesh, "contact displacement")
         self._act(0, {"grab": place, "move": push})
         frame = self._settled()
         if not self._rest.is_reached:
+            still, remedy = ("moves", "damping or a longer") if self._rest.moves else ("relaxes", "a longer")
             warnings.warn(
-                f"the organ still moves after {MOVING_FRAMES} frames, so the force is not trusted; "
-                "give the stepper damping or a longer time_step, or touch again to go on",
+                f"the organ still {still} after {MOVING_FRAMES} frames, so the force is not trusted; "
+                f"give the stepper {remedy} time_step, or touch again to go on",
                 stacklevel=3,
             )
         return told(place, push, self._force(frame, 0), frame.is_settled and self._rest.is_reached)
@@ -107,7 +110,7 @@ class PlayedStepper:
                 self._name,
                 gravity=self._gravity,
                 left_out=self._left_out,
-                has_stress=not self._stepper._relaxes,
+                has_stress=self._stepper._relaxation is None,
             )
         try:
             self._follow(read(request))
@@ -129,10 +132,10 @@ class PlayedStepper:
         self._stepper = self._make()
         self._organ: Organ = self._stepper._organ
         self._surroundings = Surroundings(self._organ, tuple(self._stepper._tools))
-        self._rest = Rest(self._stepper.velocity is not None)
+        self._rest = Rest(self._stepper.velocity is not None, _memory(self._stepper))
 
     def _follow(self, asked: Mapping[str, Any]) -> None:
-        if asked.get("stress") and self._stepper._relaxes:
+        if asked.get("stress") and self._stepper._relaxation is not None:
             raise VisceraError(
                 "the stress of tissue that relaxes is not shown: it depends on a past that frames do not hold"
             )
@@ -151,7 +154,7 @@ class PlayedStepper:
 
     def _settled(self) -> Frame:
         """The frame that has settled and in which the organ is at rest, or the last that it may take."""
-        for _ in range(MOVING_FRAMES if self._rest.has_inertia else FRAMES):
+        for _ in range(MOVING_FRAMES if self._rest.takes_time else FRAMES):
             frame = self._frame()
             if frame.is_settled and self._rest.is_reached:
                 break
@@ -239,6 +242,13 @@ class PlayedState:
         except (VisceraError, ValueError) as error:
             return json.dumps({"error": str(error)})
         return packed(self._surroundings, state, [NOBODY, NOBODY], stress)
+
+
+def _memory(stepper: Stepper) -> Memory | None:
+    """What the tissue of a stepper remembers, as if it had just come to where it is; None if it does not relax."""
+    if stepper._relaxation is None or stepper._time_step is None:
+        return None
+    return Memory(*stepper._relaxation, stepper._time_step, stepper.displacement)
 
 
 def radius(organ: Organ) -> float:
