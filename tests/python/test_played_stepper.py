@@ -106,6 +106,14 @@ def test_what_a_tool_alone_presses_comes_to_rest(organ: vs.Organ, inertia: dict[
     assert any(frame(shown)[SETTLED] for _ in range(100))
 
 
+def test_a_touch_beyond_the_reach_of_a_hand_is_refused(organ: vs.Organ) -> None:
+    shown = played(organ.stepper(iterations=10))
+    told = shown.answer(TOP, PUSH)
+    with pytest.raises(vs.VisceraError, match=r"is 300 mm long, and a hand of the page reaches 212\.1 mm, 50%"):
+        shown.answer(TOP, (0.0, 0.0, -0.3))
+    assert frame(shown)[1:4] == pytest.approx(told["force"], rel=1e-3)
+
+
 def test_a_hold_stays_where_another_is_refused(organ: vs.Organ) -> None:
     shown = played(organ.stepper(iterations=10))
     told = shown.answer(TOP, PUSH)

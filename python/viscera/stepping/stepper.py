@@ -195,8 +195,8 @@ class Stepper:
         """Show the organ in a notebook, stepped in the kernel by up to two hands on the page, or from Python.
 
         Needs `pip install anywidget`. `widget.touch(point, displacement)` [m] holds the patch around a surface
-        point and steps until it has settled, with inertia or relaxation until the organ rests; `widget.release()` lets
-        go.
+        point, moved by half the diagonal at most, and steps until it has settled, with inertia or relaxation until the
+        organ rests; `widget.release()` lets go.
         `widget.point`, `widget.displacement`, `widget.force` and `widget.is_trusted` follow each touch:
         `widget.observe(handler, "force")`. Frames of the page apply no load except the hands. Tools that the stepper
         has by now are shown, where they are, as are the bodies and springs of a `Scene`. name: shown above the organ;

@@ -40,6 +40,8 @@ FRAMES = 20
 """Frames that a touch from Python takes at most to settle."""
 MOVING_FRAMES = 500
 """The same with inertia or relaxation, until the organ has come to rest."""
+REACH = 0.5
+"""A hand of the page stays within this part of the diagonal (`viewer/src/live/live.ts`, `live/src/stage.rs`)."""
 
 
 class PlayedStepper:
@@ -81,11 +83,12 @@ class PlayedStepper:
     def answer(self, point: Lengths, displacement: Lengths) -> Told:
         """Frames with the first hand at a point, displaced from rest, until they have settled and the organ is at rest.
 
-        It warns where an organ with inertia still moves after the last frame, or tissue still relaxes; its force is not
-        trusted.
+        Raises `VisceraError` for a displacement longer than a hand reaches. It warns where an organ with inertia still
+        moves after the last frame, or tissue still relaxes; its force is not trusted.
         """
         place = point_of(point, self._organ.mesh, "contact point")
         push = offset(displacement, self._organ.mesh, "contact displacement")
+        self._require_in_reach(push)
         self._act(0, {"grab": place, "move": push})
         frame = self._settled()
         if not self._rest.is_reached:
@@ -171,6 +174,16 @@ class PlayedStepper:
             held = self._hands[index] = (self._stepper.grasp(patch), np.asarray(gesture["grab"], float))
         if held and "move" in gesture:
             held[0].displacement = np.asarray(gesture["move"], float)
+
+    def _require_in_reach(self, push: Floats) -> None:
+        """Raise `VisceraError` for a displacement (3,) [m] that the page would cut short."""
+        length, reach = float(np.linalg.norm(push)), REACH * self._organ.mesh.diagonal
+        if length > reach:
+            raise VisceraError(
+                f"the contact displacement is {_millimetres(length)} mm long, and a hand of the page reaches "
+                f"{_millimetres(reach)} mm, {REACH:.0%} of the organ's diagonal; touch less far, "
+                "or step without a view: stepper.grasp(...)"
+            )
 
     def _graspable(self, index: int, gesture: Mapping[str, Any]) -> _core.Patch:
         """What a hand takes hold of; raises `VisceraError` if it cannot."""

@@ -27,7 +27,7 @@ import { headsetButton } from "../hands/xr";
 
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
 const AT_REST = 1e-8;
-/** A hand stays within this part of the organ's diagonal (live/src/stage.rs). */
+/** A hand stays within this part of the organ's diagonal (live/src/stage.rs, python/viscera/viewer/stepped.py). */
 const REACH = 0.5;
 
 export class LiveView implements Touched, Keyed, Shared {
