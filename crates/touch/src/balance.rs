@@ -10,7 +10,8 @@ use viscera_number::unroll::tabulate;
 
 /// Poses that the coupling tries in a tick.
 const BALANCES: usize = 5;
-/// Where it ends early: a step in units of the radius, and what is missing to the balance in units of the force.
+/// Where it ends early: a step in units of the radius, but for the first, and what is missing to the balance in units of
+/// the force. A strong damper makes each step small, so a probe that left the first one out would never come to rest.
 const BALANCED: f64 = 1e-6;
 const EVEN: f64 = 1e-4;
 /// How far a probe moves at most in a tick when it follows a device, in units of its radius.
@@ -104,7 +105,7 @@ impl Probe {
         let mut center = self.balanced.take().unwrap_or(pull.last);
         let (mut best, mut failures) = (None::<Balance>, 0);
         let mut before = None::<([f64; 3], [f64; 3])>;
-        for _ in 0..BALANCES {
+        for tries in 0..BALANCES {
             let mut tried = self.attempt(model, center)?;
             if let Some((center, force)) = before {
                 tried.correct(center, force);
@@ -124,8 +125,9 @@ impl Probe {
             };
             if is_better {
                 let is_even = missing <= EVEN * norm(tried.felt.force);
+                let is_small = norm(sub(next, center)) <= BALANCED * self.radius;
                 best = Some(Balance { tried, rest: missing, step });
-                if is_even || norm(sub(next, center)) <= BALANCED * self.radius {
+                if is_even || (is_small && tries > 0) {
                     break;
                 }
             }
