@@ -2,14 +2,16 @@
 
 use crate::{
     convert::{self, VisceraError},
+    interrupt::interruptible,
     mesh::Patch,
-    threads,
 };
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use viscera_core::reduced::{Contact, Notes, ReducedModel, Trust, View, recompressed, refused};
+use viscera_core::reduced::{
+    Contact, Notes, ReducedModel, Trust, View, recompressed_while, refused,
+};
 
 /// A loaded reduced model.
 #[pyclass(frozen, module = "viscera._core")]
@@ -119,8 +121,8 @@ impl Model {
     }
 
     fn compressed(&self, py: Python<'_>, tolerance: f64) -> PyResult<Self> {
-        let model = threads::detached(py, || recompressed(&self.model, tolerance))?
-            .map_err(convert::error)?;
+        let model =
+            interruptible(py, |is_wanted| recompressed_while(&self.model, tolerance, is_wanted))?;
         Ok(Model { model })
     }
 

@@ -28,7 +28,7 @@ mod tests;
 
 pub use batch::Batches;
 
-pub use recompress::recompressed;
+pub use recompress::{recompressed, recompressed_while};
 pub use refused::refused;
 pub use settings::{Family, Member, Progress, Reduction};
 pub use viscera_touch::{

@@ -18,6 +18,18 @@ use viscera_touch::{Answers, Arrays, Metadata, ReducedModel};
 /// # Errors
 /// A tolerance that is not between 0 and 1; a decomposition that does not converge.
 pub fn recompressed(model: &ReducedModel, tolerance: f64) -> Result<ReducedModel, Error> {
+    recompressed_while(model, tolerance, &|| true)
+}
+
+/// The same, as long as it is wanted, which is asked at each step of each region.
+///
+/// # Errors
+/// Those of [`recompressed`]; [`Error::Cancelled`].
+pub fn recompressed_while(
+    model: &ReducedModel,
+    tolerance: f64,
+    is_wanted: &(dyn Fn() -> bool + Sync),
+) -> Result<ReducedModel, Error> {
     if !(tolerance > 0.0 && tolerance < 1.0) {
         return Err(Error::input(format!(
             "tolerance = {tolerance}; it must be above 0 and below 1"
@@ -25,7 +37,10 @@ pub fn recompressed(model: &ReducedModel, tolerance: f64) -> Result<ReducedModel
     }
     let regions = (0..model.arrays().region_start.len() as u32 - 1)
         .into_par_iter()
-        .map(|region| Stored::new(model, region).compressed(tolerance))
+        .map(|region| {
+            wanted(is_wanted)?;
+            Stored::new(model, region).compressed(tolerance, is_wanted)
+        })
         .collect::<Result<Vec<_>, _>>()?;
     let arrays = with_modes(model, &regions, tolerance as f32);
     let mut metadata = model.metadata().clone();
@@ -37,6 +52,10 @@ pub fn recompressed(model: &ReducedModel, tolerance: f64) -> Result<ReducedModel
         model.set_parameter(value).map_err(refused)?;
     }
     Ok(model)
+}
+
+fn wanted(is_wanted: &(dyn Fn() -> bool + Sync)) -> Result<(), Error> {
+    if is_wanted() { Ok(()) } else { Err(Error::Cancelled) }
 }
 
 /// Answers at each node of a parameter, or the only ones; and their number.
@@ -139,13 +158,19 @@ impl<'a> Stored<'a> {
         Stored { model, region, modes }
     }
 
-    fn compressed(&self, tolerance: f64) -> Result<Region, Error> {
+    fn compressed(
+        &self,
+        tolerance: f64,
+        is_wanted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Region, Error> {
         let model = self.model;
         if self.modes.ncols() == 0 {
             return Err(Error::input(format!("region {} has no modes to keep", self.region)));
         }
         let orthonormal = self.modes.qr();
+        wanted(is_wanted)?;
         let (basis, lengths) = (orthonormal.compute_thin_Q(), orthonormal.thin_R().to_owned());
+        wanted(is_wanted)?;
         let (answers, members) = answers(model.metadata(), model.arrays());
         let a = model.arrays();
         let fields: Vec<[Vec<Mat<f64>>; 2]> = (0..members)
@@ -173,6 +198,7 @@ impl<'a> Stored<'a> {
             positions: positions.iter().map(Mat::as_ref).collect(),
             edges: edges.iter().map(Mat::as_ref).collect(),
         });
+        wanted(is_wanted)?;
         compress_again(&exact.collect::<Vec<_>>(), basis.as_ref(), tolerance)
     }
 }

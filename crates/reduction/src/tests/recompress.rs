@@ -3,6 +3,7 @@
 use super::family::FAMILY;
 use super::*;
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 const COARSE: f64 = 0.02;
 
@@ -120,6 +121,20 @@ fn nodes_inside_move_as_in_the_whole_model() {
         assert_eq!(part, nodes.iter().flat_map(at).collect::<Vec<f32>>());
     }
     assert!(MODEL.surface_alone(&[MODEL.n_points() as u32]).is_err());
+}
+
+#[test]
+fn a_compression_that_is_not_wanted_any_more_ends_within_a_region() {
+    let asked = AtomicUsize::new(0);
+    let regions = MODEL.arrays().region_start.len() - 1;
+    for last in [0, regions] {
+        asked.store(0, Ordering::Relaxed);
+        let found =
+            recompressed_while(&MODEL, COARSE, &|| asked.fetch_add(1, Ordering::Relaxed) < last);
+        assert!(matches!(found.map(|_| ()), Err(Error::Cancelled)));
+    }
+    let all = recompressed_while(&MODEL, COARSE, &|| true).unwrap();
+    assert!(all.arrays() == SMALL.arrays());
 }
 
 #[test]
