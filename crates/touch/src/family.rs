@@ -3,6 +3,8 @@
 //! Positions, regions and modes are common; everything else is stored for each node v_j, and with
 //! the Lagrange polynomials L_j over x, the value or its logarithm,
 //!   a(v) = sum_j L_j(x(v)) a_j.
+//! Only squares of norms, which say how wrong an answer may be, are interpolated with weights in proportion to |L_j| that
+//! sum to 1: weights of both signs may make them negative.
 //! A model is set to a value once; answering a touch does not depend on the parameter.
 
 use super::check::check_values;
@@ -82,7 +84,7 @@ impl ReducedModel {
         blend(&weights, &f.edge_energy, &mut a.edge_energy, |x| x);
         blend(&weights, &f.triangle_energy, &mut a.triangle_energy, |x| x);
         blend(&weights, &f.sketch, &mut a.sketch, |x| x as f32);
-        blend(&weights, &f.norms, &mut a.norms, |x| x as f32);
+        blend(&shares(&weights), &f.norms, &mut a.norms, |x| x as f32);
         blend(&weights, &f.position_coefficients, &mut a.position_coefficients, |x| x as f32);
         blend(&weights, &f.edge_coefficients, &mut a.edge_coefficients, |x| x as f32);
         // An error is no quantity to interpolate: the largest of the members stands for all.
@@ -140,6 +142,12 @@ impl ReducedModel {
         }
         Ok(())
     }
+}
+
+/// `|weight_j| / sum_k |weight_k|`; the weights sum to 1.
+fn shares(weights: &[f64]) -> Vec<f64> {
+    let sum: f64 = weights.iter().map(|w| w.abs()).sum();
+    weights.iter().map(|w| w.abs() / sum).collect()
 }
 
 /// `out = max_j members_j`.

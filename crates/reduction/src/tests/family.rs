@@ -96,6 +96,32 @@ fn between_nodes_the_error_is_the_one_admitted() {
     assert!(answer.error_estimate >= admitted && answer.error_estimate < admitted + 0.05);
 }
 
+/// What an estimate is made of stays between what it is at the nodes, also where a polynomial would overshoot: a norm that
+/// came out as zero would make an error seem small.
+#[test]
+fn sizes_of_fields_stay_between_those_of_the_members() {
+    let (metadata, mut arrays) = FAMILY.clone().into_parts();
+    let n = arrays.answers.norms.len();
+    arrays.family.norms[n..].iter_mut().for_each(|square| *square *= 1e-4);
+    let mut steep = ReducedModel::from_bytes(&to_bytes(&metadata, &arrays).unwrap()).unwrap();
+    for value in [1.3, 3.1, 5.0, 7.4] {
+        steep.set_parameter(value).unwrap();
+        let a = steep.arrays();
+        for (k, &square) in a.answers.norms.iter().enumerate() {
+            let members = a.family.norms[k..].iter().step_by(n);
+            let largest = members.clone().fold(f32::MIN, |most, &x| most.max(x));
+            let least = members.fold(f32::MAX, |least, &x| least.min(x));
+            let rounding = 1e-6 * largest.abs().max(least.abs());
+            assert!(
+                (least - rounding..=largest + rounding).contains(&square),
+                "{value}, {k}: {square}, of members from {least} to {largest}"
+            );
+        }
+        // What is taken from it has no family, so it is checked as any model.
+        assert!(steep.surface_alone(&[]).is_ok());
+    }
+}
+
 /// A range in which nothing changes leaves no error between nodes, however much the field is compressed.
 #[test]
 fn what_compression_loses_is_no_error_of_the_parameter() {
