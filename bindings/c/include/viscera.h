@@ -61,7 +61,7 @@ typedef struct viscera_info {
 
 typedef struct viscera_answer {
     double force[3];         /* of the tool on the organ */
-    double stiffness[9];     /* dF_i / dd_j */
+    double stiffness[9];     /* dF_i / dd_j, the derivative of this force; its own error is larger and not estimated */
     double error_estimate;   /* of the force, relative to its norm; at most 1 */
     double shape_error_estimate; /* of the deformed organ, relative to its displacement; at most 1 */
     double contact_point[3]; /* the touched point of the surface at rest */

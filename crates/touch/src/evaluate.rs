@@ -30,7 +30,8 @@ pub enum Trust {
 pub struct Answer {
     /// Force of the tool on the organ [N].
     pub force: [f64; 3],
-    /// Contact stiffness `dF/dd` [N/m].
+    /// Contact stiffness `dF/dd` [N/m], the derivative of this force. Its own error is larger and not estimated; it need not
+    /// be symmetric.
     pub stiffness: Mat3<f64>,
     /// Estimated error of the force, relative to its norm; at most 1.
     pub error_estimate: f64,

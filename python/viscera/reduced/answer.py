@@ -44,13 +44,18 @@ class Answer(Deformed):
         self.force: Floats = read_only(result["force"])
         """Force (3,) [N] of the tool on the organ."""
         self.stiffness: Floats = read_only(result["stiffness"])
-        """Derivative (3, 3) [N/m] of the force with respect to the contact displacement."""
+        """Derivative (3, 3) [N/m] of `force` with respect to the contact displacement.
+
+        It is exact for the model, whose force is nearly that of the organ. Its own error is larger than that of the
+        force, and not estimated. Of a Padé form it need not be symmetric; an integrator that needs this takes
+        `(stiffness + stiffness.T) / 2`.
+        """
         self.error_estimate: float = result["error_estimate"]
         """Estimated error of the force, relative to its norm; at most 1."""
         self.is_trusted: bool = result["is_trusted"]
-        """Whether force and stiffness may be relied on."""
+        """Whether the force may be relied on; the error of the stiffness, its derivative, is not estimated."""
         self.reason: str = result["reason"]
-        """Why force and stiffness are not trusted; empty if they are."""
+        """Why the force is not trusted; empty if it is."""
         self.shape_error_estimate: float = result["shape_error_estimate"]
         """Estimated error of the displacement field, relative to its norm; at most 1.
 
