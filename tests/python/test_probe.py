@@ -159,6 +159,35 @@ def test_what_was_felt_is_read_only(beam: vs.Touch) -> None:
     assert probe.move((0.1, 0, 0)).center == pytest.approx([0.9, 0.1, 0.5])
 
 
+def test_a_probe_with_much_friction_lets_go_of_what_it_drags_before_it_leaves_the_surface(beam: vs.Touch) -> None:
+    """A drag along the beam bends it towards the sphere, which sticks by the pressing force that this makes."""
+    probe = beam.probe(friction=10.0)
+    for entered in np.linspace(0.0, 0.03, 50):
+        probe.place(above(beam, 0.8, entered))
+    for x in np.linspace(0.8, 0.77, 50):
+        felt = probe.place(above(beam, x, 0.03))
+    assert felt.grip == "sticks"
+    lifts = [probe.place(above(beam, 0.77, entered)) for entered in np.geomspace(0.03, 1e-7, 300)]
+    sizes = np.array([np.linalg.norm(felt.force) for felt in lifts])
+    assert lifts[-1].grip == "slides"
+    assert np.abs(np.diff(sizes)).max() < 0.05 * sizes[0]
+    # The drag, 30 mm at first, is at most four times as long as the sphere has entered.
+    assert 0 < sizes[-1] < 2 * sizes[0] * 4 * 1e-7 / 0.03
+    assert probe.place(above(beam, 0.77, -1e-7)).grip == "free"
+
+
+def test_a_coupled_probe_with_much_friction_is_lifted_without_a_jump(beam: vs.Touch) -> None:
+    """Its spring gives way as the tissue lets go: the poses that it tries in a tick find the balance."""
+    probe = beam.probe(friction=10.0, stiffness=200.0)
+    down, aside = np.linspace(-0.001, 0.03, 150), np.linspace(0.8, 0.77, 150)
+    lift = np.linspace(0.03, -0.02, 1700)
+    path = [above(beam, 0.8, entered) for entered in down] + [above(beam, x, 0.03) for x in aside]
+    felt = [probe.follow(device, 1e-3) for device in [*path, *(above(beam, 0.77, entered) for entered in lift)]]
+    sizes = np.array([np.linalg.norm(one.force) for one in felt])
+    assert sizes[-1] == 0
+    assert np.abs(np.diff(sizes)).max() < 0.05 * sizes.max()
+
+
 def test_a_family_over_the_radius_serves_other_probes() -> None:
     organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
     family = organ.reduce("tip", depth="2%", order=2, vary=vs.Vary("radius", 0.08, 0.12, nodes=2))

@@ -16,6 +16,11 @@ pub const CONTACT_ERROR: f64 = 0.25;
 /// contact shrinks. Below it are 95 of 100 poses, those at a support
 /// left out, of 200 paths of `benchmarks/probe.py tuning`.
 const UNRESOLVED: f64 = 0.45;
+/// The drag is at most this part of the radius of the sphere.
+const DRAG: f64 = 0.5;
+/// Nor is it longer than so many times what the sphere has entered. By Mindlin (J. Appl. Mech. 16 (1949) 259) a sphere on a
+/// half-space slips at `mu (2 - nu) / (2 - 2 nu)` times that, so a friction below 2.7 does not reach it there.
+const LEAN: f64 = 4.0;
 
 /// A sphere pressed into the surface along a normal.
 pub(super) struct Press {
@@ -26,6 +31,11 @@ pub(super) struct Press {
     growth: f64,
     slope: f64,
     depth: f64,
+    /// The drag is at most this long [m]. It vanishes, and with it its force, as the sphere leaves the surface, however large
+    /// the friction.
+    pub longest: f64,
+    /// The derivative of that by how far the sphere has entered.
+    lengthening: f64,
     /// Error of the force, relative to its norm, that comes from the patch in place of the contact.
     pub error: f64,
 }
@@ -46,7 +56,11 @@ impl Press {
         let unresolved = UNRESOLVED * edge / (radius * entered).sqrt();
         let error = CONTACT_ERROR.max(unresolved);
         let (slope, depth) = (share + growth * entered, share * entered);
-        Press { normal, share, growth, slope, depth, error }
+        let (longest, lengthening) = match LEAN * entered {
+            longest if longest < DRAG * radius => (longest, LEAN),
+            _ => (DRAG * radius, 0.0),
+        };
+        Press { normal, share, growth, slope, depth, longest, lengthening, error }
     }
 
     pub fn displacement(&self, drag: [f64; 3]) -> [f64; 3] {
@@ -83,13 +97,24 @@ impl Press {
 
     /// Derivative of the force with respect to the centre, of a sphere that holds the surface. The patch follows by
     /// `d = share (t - g n)`, the drag by what the centre moves along the surface, and `g` by what it moves down:
-    ///   `dF/dx = K (share P + (g share)' n n^T - share' t n^T)`,   `P = I - n n^T`.
-    pub fn stuck(&self, stiffness: &Mat3<f64>, drag: [f64; 3]) -> Mat3<f64> {
-        let n = self.normal;
-        let of_normal: [f64; 3] =
-            std::array::from_fn(|i| (self.slope - self.share) * n[i] - self.growth * drag[i]);
-        let of_normal = mul_vector(stiffness, &of_normal);
-        tabulate!(|i, j| self.share * stiffness[i][j] + of_normal[i] * n[j])
+    ///   `dF/dx = K (share T + (g share)' n n^T - share' t n^T)`,   `T = dt/dx = P = I - n n^T`.
+    /// Of a drag `t = l(g) e` that was longer, by `length`, before it was cut to the longest,
+    ///   `T = l / length (P - e e^T) - l' e n^T`.
+    pub fn stuck(&self, stiffness: &Mat3<f64>, drag: [f64; 3], length: f64) -> Mat3<f64> {
+        let (n, is_cut) = (self.normal, length > self.longest);
+        let (turned, stretched) = match is_cut {
+            true => (self.longest / length, self.lengthening),
+            false => (1.0, 0.0),
+        };
+        let e = drag.map(|x| if is_cut { x / self.longest } else { 0.0 });
+        let of_normal: [f64; 3] = std::array::from_fn(|i| {
+            self.slope * n[i] - self.growth * drag[i] - self.share * stretched * e[i]
+        });
+        let follows = tabulate!(|i, j| {
+            let plane = f64::from(u8::from(i == j)) - n[i] * n[j] - e[i] * e[j];
+            self.share * turned * plane + of_normal[i] * n[j]
+        });
+        product(stiffness, &follows)
     }
 
     /// The same where the tissue slips by `s` along the surface so that `F_t = mu F_n e`. With the derivative `J` of a sphere
@@ -104,7 +129,7 @@ impl Press {
     ) -> Mat3<f64> {
         let (n, size) = (self.normal, norm(along));
         let e = along.map(|x| if size > 0.0 { x / size } else { 0.0 });
-        let stuck = self.stuck(stiffness, drag);
+        let stuck = self.stuck(stiffness, drag, norm(drag).min(self.longest));
         let plane = tabulate!(|i, j| f64::from(u8::from(i == j)) - n[i] * n[j]);
         let onto = |a: &Mat3<f64>| -> [f64; 3] {
             std::array::from_fn(|j| (0..3).map(|i| n[i] * a[i][j]).sum())
@@ -149,13 +174,13 @@ mod tests {
     const STIFFNESS: Mat3<f64> =
         [[900.0, 50.0, 260.0], [50.0, 300.0, -90.0], [260.0, -90.0, 500.0]];
     const NORMAL: [f64; 3] = [0.48, -0.6, 0.64];
-    const DRAG: [f64; 3] = [2e-3, 1e-3, -0.5625e-3]; // along the surface
+    const DRAGGED: [f64; 3] = [2e-3, 1e-3, -0.5625e-3]; // along the surface
 
     /// A sphere of 10 mm that has entered by 4 mm, moved.
     fn moved(by: [f64; 3], patch: f64) -> (Press, [f64; 3]) {
         let press = Press::of([patch, 2e-3], 0.01, 4e-3 - dot(NORMAL, by), NORMAL);
         let along = press.along(by);
-        (press, std::array::from_fn(|i| DRAG[i] + along[i]))
+        (press, std::array::from_fn(|i| DRAGGED[i] + along[i]))
     }
 
     fn force(press: &Press, drag: [f64; 3]) -> [f64; 3] {
@@ -191,16 +216,33 @@ mod tests {
         }
     }
 
+    /// Of a drag that is cut to a length that grows with how far the sphere has entered, and to one that does not.
+    fn assert_cut_is_derivative(patch: f64) {
+        for entered in [1e-3, 4e-3] {
+            let force = |by: [f64; 3]| {
+                let press = Press::of([patch, 2e-3], 0.01, entered - dot(NORMAL, by), NORMAL);
+                let along = press.along(by);
+                let uncut = std::array::from_fn(|i| 10.0 * DRAGGED[i] + along[i]);
+                let drag = within([0.0; 3], uncut, press.longest);
+                (mul_vector(&STIFFNESS, &press.displacement(drag)), press, drag, norm(uncut))
+            };
+            let (_, press, drag, length) = force([0.0; 3]);
+            assert!(length > press.longest && (press.lengthening > 0.0) == (entered < 2e-3));
+            assert_is_derivative(&press.stuck(&STIFFNESS, drag, length), |by| force(by).0);
+        }
+    }
+
     /// With a patch of which the sphere moves a part, and with one of which it moves the whole.
     #[test]
     fn derivatives_of_the_force_are_those_of_the_sphere() {
         for patch in [0.012, 0.004] {
             let (press, drag) = moved([0.0; 3], patch);
             assert!((press.share < 1.0) == (patch > 0.01) && dot(drag, NORMAL).abs() < 1e-18);
-            assert_is_derivative(&press.stuck(&STIFFNESS, drag), |by| {
+            assert_is_derivative(&press.stuck(&STIFFNESS, drag, norm(drag)), |by| {
                 let (press, drag) = moved(by, patch);
                 force(&press, drag)
             });
+            assert_cut_is_derivative(patch);
             for friction in [0.0, 0.2] {
                 let (slid, kept) = slipped(&press, drag, friction);
                 assert!(kept < 0.9 && (friction == 0.0 || kept > 0.1), "{kept}");

@@ -6,8 +6,9 @@
 //! `d = share(g) (t - g n)`, `share(g) = min(1, SHARE sqrt(R g + GRAIN h^2) / r)`,
 //! with the normal `n` below the centre, the radius `r` of the patch, the mean edge `h` of the surface, which limits
 //! how small a contact the mesh can show, and the drag `t`: from the point `s` that the sphere holds to the point below
-//! its centre. The force is `F(s, d)` of the model. It is kept in Coulomb's cone by return mapping: where the force
-//! along the surface exceeds the cone, the tissue slips below the sphere, which changes `t` and with it `s`.
+//! its centre, which is bounded in proportion to `g`. The force is `F(s, d)` of the model. It is kept in Coulomb's cone by
+//! return mapping: where the force along the surface exceeds the cone, the tissue slips below the sphere, which changes `t`
+//! and with it `s`.
 
 use super::error::Error;
 use super::evaluate::Trust;
@@ -27,8 +28,6 @@ pub const RADII: [f64; 2] = [0.8, 1.25];
 pub const TOLERANCE: f64 = 0.35;
 /// A contact that begins deeper than this part of the radius has not begun outside.
 const ONSET: f64 = 0.5;
-/// The drag is at most this part of the radius.
-const DRAG: f64 = 0.5;
 /// Of the force, what may be missing to the balance without being told.
 const TOLD: f64 = 1e-3;
 /// A force is not trusted from here on, in units of the depth that a probe may enter.
@@ -321,10 +320,8 @@ impl Probe {
         }
         let press = Press::new(model, self.radius, entered.min(deepest), normal);
         let held = self.state.anchor.map_or(foot.point, |anchor| anchor.point);
-        let longest = DRAG * self.radius;
-        let mapping =
-            Return { model, press: &press, foot: &foot, friction: self.friction, longest };
-        let Held { contact, drag, grip, kept, off } =
+        let mapping = Return { model, press: &press, foot: &foot, friction: self.friction };
+        let Held { contact, drag, grip, length, is_on_cone, kept, off } =
             mapping.settle(press.along(sub(foot.point, held)));
         let d = press.displacement(drag);
         let answer = model.respond(&contact, d);
@@ -367,9 +364,9 @@ impl Probe {
             beside: Beside::Nothing,
         };
         let anchor = Some(Anchor { point: contact.point, triangle: foot.triangle });
-        let stiffness = match grip {
-            Grip::Sticks => press.stuck(&answer.stiffness, drag),
-            _ => press.sliding(&answer.stiffness, drag, [self.friction, kept], along),
+        let stiffness = match is_on_cone {
+            true => press.sliding(&answer.stiffness, drag, [self.friction, kept], along),
+            false => press.stuck(&answer.stiffness, drag, length),
         };
         Some(Tried { felt, anchor, normal, stiffness, worth: Some(worth) })
     }

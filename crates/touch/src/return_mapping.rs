@@ -19,6 +19,8 @@ const RETURNED: f64 = 1e-3;
 const MARGIN: f64 = 0.1;
 /// A force has gone past the cone where it is by more than this part of what it is off against the direction of the slip.
 const PAST: f64 = 0.7;
+/// The tissue slips where the drag is longer than the sphere can hold by more than rounding.
+const CUT: f64 = 1.0 + 1e-9;
 
 /// The sphere over a foot on the surface.
 pub(super) struct Return<'a> {
@@ -26,8 +28,6 @@ pub(super) struct Return<'a> {
     pub press: &'a Press,
     pub foot: &'a Contact,
     pub friction: f64,
-    /// The drag is at most this long [m].
-    pub longest: f64,
 }
 
 /// Where a sphere holds the surface, and how far that is dragged.
@@ -35,6 +35,10 @@ pub(super) struct Held {
     pub contact: Contact,
     pub drag: [f64; 3],
     pub grip: Grip,
+    /// How long the drag was before the tissue slipped [m].
+    pub length: f64,
+    /// Whether friction bounds the force along the surface, or there is none; else the sphere holds what it can of the drag.
+    pub is_on_cone: bool,
     /// The part of the force along the surface that is left after the slip.
     pub kept: f64,
     /// What the force along the surface lacks to the cone, or goes beyond it, where the tissue slips [N].
@@ -76,9 +80,13 @@ impl Return<'_> {
     pub fn settle(&self, drag: [f64; 3]) -> Held {
         let stuck = self.attempt(drag, None);
         let within_cone = norm(stuck.along) <= stuck.bound + RETURNED * stuck.pressing;
+        let length = norm(drag);
         if within_cone {
-            let grip = if self.friction > 0.0 { Grip::Sticks } else { Grip::Slides };
-            return Held { contact: stuck.contact, drag: stuck.drag, grip, kept: 1.0, off: 0.0 };
+            let is_on_cone = self.friction == 0.0;
+            let is_cut = length > self.press.longest * CUT;
+            let grip = if is_on_cone || is_cut { Grip::Slides } else { Grip::Sticks };
+            let Tried { contact, drag, .. } = stuck;
+            return Held { contact, drag, grip, length, is_on_cone, kept: 1.0, off: 0.0 };
         }
         let (mut beyond, mut past) = (stuck, None::<Tried>);
         let mut best = stuck;
@@ -102,12 +110,13 @@ impl Return<'_> {
         }
         let kept = (best.bound / norm(stuck.along)).min(1.0);
         let off = if best.has_returned() { 0.0 } else { best.off() };
-        Held { contact: best.contact, drag: best.drag, grip: Grip::Slides, kept, off }
+        let Tried { contact, drag, .. } = best;
+        Held { contact, drag, grip: Grip::Slides, length, is_on_cone: true, kept, off }
     }
 
     fn attempt(&self, drag: [f64; 3], last: Option<&Tried>) -> Tried {
         let Return { model, press, foot, .. } = self;
-        let drag = within([0.0; 3], drag, self.longest);
+        let drag = within([0.0; 3], drag, press.longest);
         let contact = model.walk(foot.triangle, sub(foot.point, drag));
         let (force, stiffness) = model.reaction(&contact, press.displacement(drag));
         let pressing = (-dot(force, press.normal)).max(0.0);
