@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from viscera.curves import MODES
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats
-from viscera.quantity import brief, refuse_masked
+from viscera.quantity import brief, numbers_of, refuse_masked
 from viscera.sealed import Sealed
 
 SMALLEST_STRETCH = 0.05
@@ -103,10 +103,9 @@ class MaterialTest(Sealed):
 
 def _curve(name: str, what: str, values: ArrayLike) -> Floats:
     refuse_masked(values, f"{name}: {what}", "a list of numbers")
-    try:
-        curve = np.array(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise VisceraError(f"{name}: {what} is no list of numbers that a float can hold, got {brief(values)}") from None
+    curve = numbers_of(values)
+    if curve is None:
+        raise VisceraError(f"{name}: {what} is no list of numbers that a float can hold, got {brief(values)}")
     if curve.ndim != 1:
         raise VisceraError(f"{name}: {what} has shape {curve.shape}; give one value for each point, (k,)")
     if not np.isfinite(curve).all():
