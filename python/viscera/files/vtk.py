@@ -34,8 +34,8 @@ def read(path: Path) -> meshio.Mesh:
     between two pieces in both. Raises `VisceraError` if there are fewer cells than the file declares, if a piece lacks
     an array that another has, and if a cell names a point that its piece does not have.
     """
-    found = _read_xml(path) if path.suffix.lower() == ".vtu" else _read_legacy(path)
-    declared = N_CELLS if path.suffix.lower() == ".vtu" else CELL_TYPES
+    reader, declared = (_read_xml, N_CELLS) if path.suffix.lower() == ".vtu" else (_read_legacy, CELL_TYPES)
+    found = reader(path)
     count, held = sum(map(int, declared.findall(path.read_bytes()))), sum(len(block) for block in found.cells)
     if count != held:
         raise VisceraError(

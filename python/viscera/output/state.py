@@ -37,7 +37,7 @@ NOT_IN_SCAN = {
     "take the state counted from the scan, which `rest.from_scan(state).write` or `viscera solve` writes",
 }
 """Fields of solutions that do not lie where the scan shows the organ, with the reason and the remedy."""
-MORE = {
+REST_OF_AXES = {
     REGISTERED: ", at rest; by the displacement to the axes of the intervention",
     UNLOADED: ", at rest without the loads of the scan",
 }
@@ -162,7 +162,7 @@ def write_volume(
     with replacing(path) as scratch:
         _write_grid(scratch, ending, grid)
         if ending == ".vtu" and mesh.axes:
-            state_axes(scratch, mesh.axes, next((MORE[field] for field in MORE if field in fields), ""))
+            state_axes(scratch, mesh.axes, next((REST_OF_AXES[field] for field in REST_OF_AXES if field in fields), ""))
 
 
 def _write_grid(path: Path, ending: str, grid: Any) -> None:
