@@ -68,7 +68,7 @@ class Mesh(Pictured):
     axes: str = ""
     """World axes of the scan that the mesh comes from, "RAS" or "LPS"; empty if unknown."""
     is_unloaded: bool = False
-    """Whether it is without the loads of its scan: its points then lie elsewhere than in the scan."""
+    """Whether it is without the loads of its scan, or under others: its points then lie elsewhere than in the scan."""
 
     def __post_init__(self) -> None:
         """Check the arrays as `mesh` does, unless they are read-only: those of a checked mesh are."""

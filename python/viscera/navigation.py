@@ -171,6 +171,7 @@ class _Search:
             error = float(np.linalg.norm(gap, axis=1).max() / size)
             self.errors.append(error)
             if error <= self.tolerance:
+                state._is_as_scanned = load == 1.0
                 self.organ, self.state = organ, state
                 return ""
             if error > 2.0 * best[-1]:

@@ -131,7 +131,7 @@ class Reducible(Supported):
             model, fault = organ._body.reduce(
                 **settings,
                 family=family,
-                metadata=json.dumps(notes(self.mesh)),
+                metadata=json.dumps(notes(self.mesh, start)),
                 on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
                 batches=batches,
                 on_gpu=on_gpu,

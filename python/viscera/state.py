@@ -88,6 +88,8 @@ class State(Deformed, Pictured):
         equal but for what is held."""
         self.has_pressure = has_pressure
         """Whether a pressure is part of the load: it follows the surface, all other loads are dead."""
+        self._is_as_scanned = False
+        """Whether it is the organ under the loads of its scan, as `unloaded` finds it."""
         self._held: Floats = self.internal_force - self.external_force
         self._patches = [(patch.nodes, patch.weights) for patch in patches]
         self._patch_forces: Floats = result["patch_forces"]

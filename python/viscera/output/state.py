@@ -28,18 +28,18 @@ REGISTERED = "band"
 """The field at points that registered organs alone have. Their displacement leads from the axes of the scan, in which
 the points are, to those of the intervention."""
 UNLOADED = "unloaded"
-"""The field, 1 at every point, of an organ without the loads of its scan. Its points do not lie where the scan shows
-them."""
+"""The field, 1 at every point, of an organ without the loads of its scan, or under others. Its points do not lie where
+the scan shows them."""
 NOT_IN_SCAN = {
     REGISTERED: "its displacement leads to the axes of the intervention, in which the scan is not; take the shape "
     "before the rigid motion, which `viscera register --shape shape.vtu` or `found.state.write` writes",
-    UNLOADED: "its points are those without the loads of the scan, so they do not lie where the scan shows the organ; "
-    "take the state counted from the scan, which `rest.from_scan(state).write` or `viscera solve` writes",
+    UNLOADED: "its points are not those under the loads of the scan, so they do not lie where the scan shows the "
+    "organ; take the state counted from the scan, which `rest.from_scan(state).write` or `viscera solve` writes",
 }
 """Fields of solutions that do not lie where the scan shows the organ, with the reason and the remedy."""
 REST_OF_AXES = {
     REGISTERED: ", at rest; by the displacement to the axes of the intervention",
-    UNLOADED: ", at rest without the loads of the scan",
+    UNLOADED: ", not under the loads of the scan",
 }
 """What files with these fields say of their axes."""
 VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")

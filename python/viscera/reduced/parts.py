@@ -6,13 +6,16 @@ import base64
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from viscera import _core
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.sealed import Sealed
+
+if TYPE_CHECKING:
+    from viscera.state import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +97,10 @@ def inner_parts(mesh: Mesh) -> dict[str, Indices]:
     return {name: boundary(mesh, cells) for name, cells in mesh.cell_sets.items() if 0.0 < volumes[cells].sum() < half}
 
 
-def notes(mesh: Mesh) -> dict[str, Any]:
-    """What a model file keeps of a mesh under `user`: sets as bits, one for each corner or cell, the world axes, and
-    whether it is without the loads of its scan."""
+def notes(mesh: Mesh, start: State | None) -> dict[str, Any]:
+    """What a model file keeps under `user` of the mesh at rest: sets as bits, one for each corner or cell, the world
+    axes, and whether it is without the loads of its scan; of the state that touches start from, if that is the one
+    under these loads."""
     kept: dict[str, Any] = {}
     corners = {name: nodes[nodes < mesh.n_corners] for name, nodes in mesh.sets.items()}
     if corners:
@@ -107,6 +111,8 @@ def notes(mesh: Mesh) -> dict[str, Any]:
         kept["axes"] = mesh.axes
     if mesh.is_unloaded:
         kept["is_unloaded"] = True
+    if start is not None and start._is_as_scanned:
+        kept["starts_as_scanned"] = True
     return kept
 
 

@@ -53,10 +53,14 @@ class Stored:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh in the shape before a touch, with its cell sets, and with midpoints if the element has them."""
+        """The mesh in the shape before a touch, with its cell sets, and with midpoints if the element has them.
+
+        Under a preload it lies where a scan shows it if that is the state of `Organ.unloaded`; else it `is_unloaded`.
+        """
         if self.preload is None:
             return self.rest
-        return replace(self.rest, points=self.points, is_unloaded=False)
+        is_as_scanned = self._notes.get("starts_as_scanned", False)
+        return replace(self.rest, points=self.points, is_unloaded=not is_as_scanned)
 
     @cached_property
     def rest(self) -> Mesh:

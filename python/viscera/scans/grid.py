@@ -96,8 +96,9 @@ def require_as_scanned(mesh: Mesh) -> None:
     """Raises `VisceraError` if a mesh does not lie where an image of its scan shows the organ."""
     if mesh.is_unloaded:
         raise VisceraError(
-            "the mesh is without the loads of its scan, so it does not lie where an image shows the organ; take the "
-            "mesh of the scan, or a state counted from it, as `rest.from_scan(state)` is"
+            "the mesh is not under the loads of its scan, so it does not lie where an image shows the organ; take the "
+            "mesh of the scan, a state counted from it, as `rest.from_scan(state)` is, or a model reduced about "
+            "`rest.state`"
         )
 
 
