@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
-from viscera.boundary.holding import BY_NODES
+from viscera.boundary.holding import IN_PAGE
 from viscera.boundary.loads import density_per_cell
 from viscera.cases.case import PLACED, Case
 from viscera.cases.scene_case import SceneCase
@@ -82,7 +82,7 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
     with naming(case.file):
         case.require_unloaded("view")
         organ = case.organ()
-        organ._require_held(BY_NODES)
+        organ._require_held(IN_PAGE)
     return _packed(
         organ,
         name,
