@@ -30,5 +30,5 @@ AT_REST = Holding("fixed nodes, elastic supports (in a case file `fixed` or `sup
 """Of what takes no prescribed displacements."""
 BY_NODES = Holding("fixed nodes (in a case file `fixed`)", f"{ALONE}, and elastic supports do not count here yet")
 """Of what takes neither these nor supports."""
-IN_PAGE = Holding("fixed nodes (in a case file `fixed`)", f"{ALONE}, and elastic supports (`supports`) in `viscera view`")
+IN_PAGE = Holding(BY_NODES.means, f"{ALONE}, and elastic supports (`supports`) in `viscera view`")
 """Of what a page steps by itself: `viscera view` steps an organ with supports on this machine."""
