@@ -335,6 +335,11 @@ def test_the_derivative_of_a_rigid_motion_agrees_with_differences() -> None:
 def test_the_vector_of_a_rotation_is_found_again() -> None:
     for vector in ([0.3, -1.2, 0.7], [0.0, 3.0, 0.0], [1e-9, 0.0, 0.0], [0.0, 0.0, 0.0]):
         assert np.allclose(vector_of(rotation_of(np.array(vector))), vector, atol=1e-12)
+    for axis in ([1.0, 0.0, 0.0], [0.6, 0.0, -0.8], [-0.48, 0.6, 0.64]):
+        nearly = (np.pi - 1e-7) * np.array(axis)
+        assert np.allclose(vector_of(rotation_of(nearly)), nearly, rtol=0.0, atol=1e-12)
+        half = rotation_of(np.pi * np.array(axis))  # about the axis or the opposite one
+        assert np.allclose(rotation_of(vector_of(half)), half, rtol=0.0, atol=1e-12)
 
 
 def test_a_response_without_its_rigid_part_has_none_and_keeps_the_rest() -> None:

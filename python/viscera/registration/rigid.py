@@ -82,9 +82,14 @@ def vector_of(rotation: Floats) -> Floats:
     sine = 0.5 * np.array(
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )
-    size = float(np.linalg.norm(sine))
-    angle = np.arctan2(size, 0.5 * (np.trace(rotation) - 1.0))
-    return np.asarray(sine * (angle / size if size > 1e-12 else 1.0))
+    size, cosine = float(np.linalg.norm(sine)), 0.5 * (float(np.trace(rotation)) - 1.0)
+    angle = np.arctan2(size, cosine)
+    if cosine > 0.0:
+        return np.asarray(sine * (angle / size if size > 1e-12 else 1.0))
+    # Towards half a turn the antisymmetric part fades; the symmetric one is cos I + (1 - cos) n n^T.
+    axis = 0.5 * (rotation + rotation.T) - cosine * np.eye(3)
+    column = axis[:, np.argmax(np.diag(axis))]
+    return np.asarray(column * (np.copysign(angle, column @ sine) / np.linalg.norm(column)))
 
 
 def levers(arm: Floats) -> Floats:
