@@ -158,6 +158,26 @@ def test_the_lips_of_a_cut_are_not_joined(tmp_path: Path) -> None:
     assert any("at the place of another" in message for message in found.messages)
 
 
+def test_ghost_cells_count_once(bar: vs.Mesh, tmp_path: Path) -> None:
+    """Of two halves, each has the whole bar, with the cells of the other as ghosts; and no piece has a hidden cell."""
+    first = bar.centroids[:, 0] < 0.5 * bar.points[:, 0].max()
+    marks = [np.where(side, 0, 1).astype(np.uint8) for side in (first, ~first)]
+    pieces = [
+        piece(Ascii(), bar.points, bar.cells, at_cells={"vtkGhostType": mark, "half": first.astype(np.uint8)})
+        for mark in marks
+    ]
+    found = vs.read(put(tmp_path / "a.vtu", pieces))
+    assert found.volume == pytest.approx(bar.volume, rel=1e-12)
+    assert len(found.cells) == len(bar.cells)
+    assert len(found.points) == len(bar.points)
+    assert found.messages[-1] == f"dropped {len(bar.cells)} ghost cells"
+    assert list(found.cell_sets) == ["half"]
+    assert len(found.cells_in("half")) == first.sum()
+    hidden = np.where(first, 0, 32).astype(np.uint8)
+    alone = vs.read(put(tmp_path / "b.vtu", [piece(Ascii(), bar.points, bar.cells, at_cells={"vtkGhostType": hidden})]))
+    assert len(alone.cells) == first.sum()
+
+
 def test_cells_that_are_not_read_are_not_lost(bar: vs.Mesh, tmp_path: Path) -> None:
     voxels = piece(Ascii(), np.eye(8, 3), np.arange(8)[None], kind=11)
     with pytest.raises(VisceraError, match="it declares 193 cells, and 192 can be read: it is cut short, or holds"):

@@ -25,6 +25,9 @@ from viscera.errors import VisceraError
 PIECE = re.compile(rb"<Piece\b[^>]*>")
 N_CELLS = re.compile(rb"\bNumberOfCells\s*=\s*[\"']\s*(\d+)")
 CELL_TYPES = re.compile(rb"^CELL_TYPES\s+(\d+)", re.MULTILINE)
+GHOSTS = "vtkGhostType"
+NOT_OWN = 1 | 32
+"""Bits of it: a cell that another piece holds, too, and one that is not to be seen."""
 
 
 def read(path: Path) -> meshio.Mesh:
@@ -42,6 +45,21 @@ def read(path: Path) -> meshio.Mesh:
             f"it declares {count} cells, and {held} can be read: it is cut short, or holds cells of kinds that are not "
             "read; write it again, without those"
         )
+    return _without_ghosts(found)
+
+
+def _without_ghosts(found: meshio.Mesh) -> meshio.Mesh:
+    """The cells that count once: ParaView gives each piece those of its neighbours around it, and marks them so."""
+    if GHOSTS not in found.cell_data:
+        return found
+    kept = [(values.astype(np.uint8) & NOT_OWN) == 0 for values in found.cell_data.pop(GHOSTS)]
+    found.point_data.pop(GHOSTS, None)
+    for block, stays in zip(found.cells, kept, strict=True):
+        block.data = block.data[stays]
+    for arrays in found.cell_data.values():
+        arrays[:] = [values[stays] for values, stays in zip(arrays, kept, strict=True)]
+    if count := sum(int((~stays).sum()) for stays in kept):
+        found.info = {"messages": [*(found.info or {}).get("messages", []), f"dropped {count} ghost cells"]}
     return found
 
 
