@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "otherwise linear",
     )  # fmt: skip
     parser.add_argument(
-        "--background", type=float, help="value for voxels that the organ has left (default: the smallest value)"
+        "--background", type=float, help="value for voxels that the organ has left (default: the smallest finite one)"
     )
     parser.add_argument(
         "--field", metavar="IMAGE",

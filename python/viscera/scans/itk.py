@@ -10,6 +10,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import numpy as np
+
 from viscera.errors import VisceraError
 
 _ONE_AT_A_TIME = Lock()
@@ -36,7 +38,7 @@ def write_by_itk(image: Any, scratch: Path, ending: str) -> None:
     """Writes an image of SimpleITK in the format of the ending, whatever that of the scratch file.
 
     Raises `OSError` of the scratch file unless it holds every voxel: on a full disk the library writes a part of some
-    formats and says nothing. What it wrote is therefore read again.
+    formats and says nothing. What it wrote is therefore read again. Voxels that are not finite are written as they are.
     """
     library = sitk()
     # A scratch file keeps only the last ending. It stands once alone: ITK makes one `.nii` of two.
@@ -44,7 +46,7 @@ def write_by_itk(image: Any, scratch: Path, ending: str) -> None:
     try:
         with _decimal_points():
             library.WriteImage(image, str(whole), useCompression=True)
-        if library.Hash(read_by_itk(whole)) != library.Hash(image):
+        if not _is_kept(image, whole, ending):
             raise OSError(errno.EIO, "not every voxel is in the file", str(scratch))
         whole.replace(scratch)
     except RuntimeError as error:
@@ -53,6 +55,30 @@ def write_by_itk(image: Any, scratch: Path, ending: str) -> None:
     finally:
         if whole != scratch:
             whole.unlink(missing_ok=True)
+
+
+def _is_kept(image: Any, whole: Path, ending: str) -> bool:
+    """Whether a file holds every voxel of an image; NIfTI through nibabel, since ITK reads NaN and infinity there as 0.
+
+    Raises `VisceraError` if nibabel is not installed.
+    """
+    library = sitk()
+    if ending not in (".nii", ".nii.gz"):
+        return bool(library.Hash(read_by_itk(whole)) == library.Hash(image))
+    try:
+        import nibabel
+    except ImportError:
+        raise VisceraError("this image needs the package nibabel: pip install nibabel") from None
+    voxels = library.GetArrayViewFromImage(image)
+    try:
+        file: Any = nibabel.load(whole, mmap=False)  # a mapped file cannot be moved everywhere
+        stored = np.asanyarray(file.dataobj)
+    except Exception:  # of a part of a file it raises whatever its parser meets
+        return False
+    # Several values at a voxel are (i, j, k, 1, c) in NIfTI.
+    axes = (2, 1, 0) if stored.ndim == 3 else (2, 1, 0, *range(3, stored.ndim))
+    turned = stored.transpose(axes)
+    return turned.size == voxels.size and np.array_equal(turned.reshape(voxels.shape), voxels, equal_nan=True)
 
 
 @contextmanager

@@ -15,6 +15,8 @@ from viscera.scans.itk import sitk
 from viscera.scans.labelmap import is_label_map
 
 INTERPOLATIONS = ("linear", "nearest")
+ROUNDING = 1e-9
+"""Weights of neighbours below that are rounding of the place, which may fall on a voxel."""
 
 
 def warp(
@@ -23,16 +25,17 @@ def warp(
     """An image (SimpleITK) of the moved organ: a voxel x of it takes the value that was at X = x + v(x).
 
     interpolation: "linear", or "nearest" for label maps. Voxels that the organ has left take `background`, by default
-    the smallest value of the image. All others keep their values, since the motion around the organ is not known.
+    the smallest finite value of the image. All others keep theirs, since the motion around the organ is not known.
     Of an image all voxels move that lie in the organ or in the margin around it; of a label map those alone whose
     label is one of `labels_moved`, so that the margin takes nothing of what lies beside the organ along.
-    Raises `VisceraError` if the image has several values at a voxel.
+    A value that is not finite moves too; of interpolated voxels those have one that lie between it and its neighbours.
+    Raises `VisceraError` if the image has several values at a voxel, or no finite one to take for the background.
     """
     Choice(INTERPOLATIONS)(interpolation, "the interpolation")
     if image.GetNumberOfComponentsPerPixel() > 1:
         raise VisceraError("the image has several values at a voxel; give one of a single value")
     voxels = _voxels(image)
-    empty = voxels.min() if background is None else background
+    empty = _smallest(voxels) if background is None else background
     if not _holds(voxels.dtype, empty):
         raise VisceraError(f"the background {empty} is no value of an image of {voxels.dtype}")
     left, covered = (np.argwhere(field.is_known) + field.first for field in (forward, inverse))
@@ -74,6 +77,16 @@ def _voxels(image: Any) -> NDArray[Any]:
     return np.asarray(sitk().GetArrayViewFromImage(image).transpose(2, 1, 0))
 
 
+def _smallest(voxels: NDArray[Any]) -> Any:
+    """The smallest finite value."""
+    if np.issubdtype(voxels.dtype, np.integer):
+        return voxels.min()
+    finite = voxels[np.isfinite(voxels)]
+    if not finite.size:
+        raise VisceraError("no voxel of the image is finite; name a background, as in --background 0")
+    return finite.min()
+
+
 def _holds(kind: np.dtype[Any], value: Any) -> bool:
     if not np.issubdtype(kind, np.integer):
         return bool(np.isfinite(value))
@@ -100,6 +113,8 @@ def _sampled(voxels: NDArray[Any], index: Floats, interpolation: str, empty: flo
     total = np.zeros(len(at))
     for corner in np.ndindex(2, 2, 2):
         weight = np.prod(np.where(corner, part, 1.0 - part), axis=1)
-        total += weight * voxels[tuple(np.minimum(low + corner, size - 1).T)]
+        counts = weight > ROUNDING  # 0 times NaN is NaN
+        with np.errstate(invalid="ignore"):  # infinity beside minus infinity, between which nothing is known
+            total[counts] += weight[counts] * voxels[tuple(np.minimum(low + corner, size - 1)[counts].T)]
     values[inside] = total
     return values
