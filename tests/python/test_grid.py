@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -341,6 +342,18 @@ def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: P
     field = shape.on_grid(scan())
     with pytest.raises(vs.VisceraError, match="several values at a voxel"):
         warp(field.grid.image(field.displacement), field, field)
+
+
+def test_the_span_of_an_oblique_image_is_that_of_all_its_corners(cube: vs.Mesh) -> None:
+    half = float(np.sqrt(0.5))
+    turned = scan(np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]]), (4.0, 4.0, 4.0))  # LPS
+    turned.SetOrigin([0.0, 0.0, 0.0])
+    shape = affine(cube)
+    away = shape.organ.moved(np.add(shape.displacement, [9.0, 0.0, 0.0]))
+    far = 79 * 4e-3 * half
+    words = f"the image spans {[-round(far, 3), 0.0, 0.0]} to {[round(far, 3), round(2 * far, 3), 0.316]} m"
+    with pytest.raises(vs.VisceraError, match=re.escape(words)):
+        away.on_grid(turned, axes="LPS", inverse=True)
 
 
 @pytest.mark.parametrize("axes", ["RAS", "LPS"])

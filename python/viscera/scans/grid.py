@@ -241,7 +241,8 @@ def _spread(mask: NDArray[np.bool_], axis: int, count: int) -> NDArray[np.bool_]
 
 
 def _corners(shape: tuple[int, int, int]) -> NDArray[np.int64]:
-    return np.array([[0, 0, 0], [n - 1 for n in shape]])
+    """Indices (8, 3) of the outermost voxels: all, since which are farthest in space depends on how the image turns."""
+    return np.asarray(np.array(list(np.ndindex(2, 2, 2))) * (np.array(shape) - 1))
 
 
 def _span(places: Floats) -> str:
