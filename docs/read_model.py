@@ -62,7 +62,7 @@ def second_order(m, alpha, triangle, w, g, C, places):
     forces = np.einsum("km,kmi->ki", monomials, np.append(at_corners, at_edges, axis=0))
     rise = np.where(m["edges"][edges, 0] == corners, 1, -1) * (w - np.roll(w, -1))
     energy = np.prod(w) * m["triangle_energy"][triangle] + (pairs * rise) @ m["edge_energy"][edges]
-    cubic = alpha[9:19]
+    cubic = exponents(3)[9:]
     slope = [energy * cubic[:, i] @ np.prod(g ** np.maximum(cubic - np.eye(3)[i], 0), axis=1) for i in range(3)]
     force = np.linalg.solve(C, np.einsum("kij,kj->i", places, forces) + slope)
     of_edges = 0.5 * (forces[3:] + np.roll(forces[3:], 1, axis=0))
