@@ -263,9 +263,13 @@ def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerk
     for tolerance in (2.0, None, "x"):
         with pytest.raises(vs.VisceraError, match="tolerance must be a number above 0 and below 1"):
             touch.galerkin(tolerance=tolerance)  # type: ignore[arg-type]
-    for depth in (-1.0, np.nan, True, "deep"):
-        with pytest.raises(vs.VisceraError, match="depth"):
+    for depth in (-1.0, 0.0, np.nan, np.inf, True, 2000, 1.01 * touch.mesh.diagonal, "5 m"):
+        with pytest.raises(
+            vs.VisceraError, match=r"depth must be above 0 and below [\d.]+ m, the diagonal of the organ, got"
+        ):
             touch.galerkin(depth=depth)
+    with pytest.raises(vs.VisceraError, match="depth 'deep' is not a length"):
+        touch.galerkin(depth="deep")
     for snapshots in (-1, 1000, 2.5, True):
         with pytest.raises(vs.VisceraError, match=f"snapshots must be a whole number from 0 to 200, got {snapshots}"):
             touch.galerkin(snapshots=snapshots)  # type: ignore[arg-type]

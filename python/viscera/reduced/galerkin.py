@@ -17,7 +17,7 @@ from viscera.mesh import Floats, Mesh
 from viscera.progress import shown
 from viscera.quantity import Number, Whole, numbers_of, refused
 from viscera.sealed import read_only
-from viscera.select import offset
+from viscera.select import length, offset
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -283,15 +283,31 @@ SNAPSHOTS = Whole(0, 200)
 """Solutions of the full organ for a grasp, as many as the core takes."""
 
 
+class Depth(Number):
+    """Largest displacement of a contact in training, below the diagonal of the organ.
+
+    >>> Depth(1.0392)(5.0, "depth")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: depth must be above 0 and below 1.0392 m, the diagonal of the organ, got 5.0
+    """
+
+    def __init__(self, diagonal: float) -> None:
+        super().__init__("m", above=0.0, below=diagonal)
+
+    def __str__(self) -> str:
+        return f"above 0 and below {self.below:.5g} m, the diagonal of the organ"
+
+
 @shown
-def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None, snapshots: int) -> Galerkin:
+def galerkin(touch: Touch, order: int, tolerance: float, depth: float | str | None, snapshots: int) -> Galerkin:
     """The model of `Touch.galerkin`."""
+    diagonal = touch.mesh.diagonal  # a model without cells is refused
     order, tolerance = Whole(1, touch.order)(order, "order"), TOLERANCE(tolerance, "tolerance")
     core = _core.Galerkin(
         touch._model,
         order=order,
         tolerance=tolerance,
-        depth=touch.depth if depth is None else Number("m", above=0.0)(depth, "depth"),
+        depth=touch.depth if depth is None else length(depth, diagonal, "depth", Depth(diagonal)),
         snapshots=SNAPSHOTS(snapshots, "snapshots"),
     )
     return Galerkin(touch, core)

@@ -203,7 +203,6 @@ class Touch(Stored, Pictured):
         """
         from viscera.reduced.galerkin import galerkin
 
-        depth = None if depth is None else length(depth, self.mesh.diagonal, "depth")
         order = min(defaults.GALERKIN_ORDER, self.order) if order is None else order
         return galerkin(self, order, tolerance, depth, snapshots)
 
