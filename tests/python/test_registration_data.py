@@ -191,3 +191,20 @@ def test_a_noise_that_weights_tell_of_is_no_misfit(organ: vs.Organ, cloud: Float
     told = organ.register(noisy, weights=weights, noise=NOISE)
     assert told.is_converged, told.message
     assert (told.misfit or 9.0) < 1.3
+
+
+def test_a_landmark_that_does_not_fit_is_named() -> None:
+    """It lies 40 mm beside its place; a misfit is of the surface alone, and the status of what was seen."""
+    beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    places = beam.mesh.points[::20]
+    tip = np.add(beam.mesh.points[beam.mesh.sets["tip"]].mean(axis=0), [0.0, 0.0, 0.1])
+    given: dict[str, Any] = {"points": (places, 0.0 * places + [0.0, 0.0, 0.1]), "noise": NOISE}
+    off = {"tip": tip + [0.04, 0.0, 0.0]}
+    wrong = beam.register(landmarks=off, **given)
+    assert wrong.status == "converged"
+    left = f"{1e3 * wrong.pair_residual['tip']:.3g}"
+    assert wrong.message.startswith("landmarks and points that do not fit, ")
+    assert f"'tip' by {left} mm, with a noise of 1 mm" in wrong.message
+    assert "check where they were measured, or state a larger noise" in wrong.message
+    said = beam.register(landmarks=off, landmark_noise=0.03, **given)
+    assert "do not fit" not in said.message

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from viscera.mesh import Floats
-from viscera.registration.residuals import left
+from viscera.registration.residuals import UNLIKELY, is_beyond_noise, left
 
 SIZE, NOISE = 0.3, 2e-3
 
@@ -57,3 +57,21 @@ def test_few_points_say_nothing_in_common(count: int) -> None:
     feet, noise = plate(count)
     rest = left(noise, feet, np.ones(count), NOISE, SIZE)
     assert np.isfinite([rest.misfit, rest.systematic]).all()
+
+
+@pytest.mark.parametrize("count", [1, 5, 100])
+def test_noise_puts_a_landmark_beyond_it_as_often_as_is_said(count: int) -> None:
+    """In one of a hundred registrations, however many landmarks each has."""
+    told = 4000
+    noise = np.full(count, NOISE)
+    gaps = np.linalg.norm(np.random.default_rng(count).normal(scale=NOISE, size=(told, count, 3)), axis=2)
+    share = np.mean([is_beyond_noise(each, noise, 0.0).any() for each in gaps])
+    # Three standard deviations of a share of 1 % in so many trials.
+    assert share == pytest.approx(UNLIKELY, abs=3.0 * np.sqrt(UNLIKELY / told))
+    assert not is_beyond_noise(gaps[0], noise, 1e3 * SIZE).any(), "the model's error explains them"
+
+
+def test_the_noise_of_each_landmark_is_its_own() -> None:
+    gaps, noise = np.full(3, 4e-3), np.array([1e-3, 2e-3, 0.5e-3])
+    assert is_beyond_noise(gaps, noise, SIZE).tolist() == [True, False, True]
+    assert is_beyond_noise(np.empty(0), np.empty(0), SIZE).tolist() == []

@@ -145,6 +145,7 @@ class _Result:
             residual=residual,
             inliers=inside,
             pair_residual=pairs,
+            pair_noise=self.seen.pair_noise,
             covariance=np.einsum("ij,njk,lk->nil", motion.rotation, covariance, motion.rotation, optimize=True),
             band=band,
             observed=observed,

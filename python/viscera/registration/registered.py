@@ -15,7 +15,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.output import state as statefile
 from viscera.quantity import numbers_of, refused
-from viscera.registration.residuals import MISFIT, Left
+from viscera.registration.residuals import MISFIT, Left, is_beyond_noise
 from viscera.registration.rigid import Rigid, aligned
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 MODEL, SWUNG = 0.2, 0.05
 """Error by law and mesh: standard deviation, as a share of a node's deformation, and of its displacement against the
 fixed nodes, which a wrong law turns too far or not far enough."""
+NAMED = 3
+"""Landmarks and points that a message names; it counts the others."""
 LINEARISED = 2.5
 """Standard deviations of places over those of the linearised problem, which knows no other shape that fits as well."""
 
@@ -51,6 +53,7 @@ class Registered(Deformed, Pictured):
         residual: Floats,
         inliers: NDArray[np.bool_],
         pair_residual: dict[str, float],
+        pair_noise: Floats,
         covariance: Floats,
         band: Floats,
         observed: NDArray[np.bool_],
@@ -78,7 +81,8 @@ class Registered(Deformed, Pictured):
         self.is_inlier = inliers
         """(k,) whether a surface point belongs to the organ."""
         self.pair_residual = pair_residual
-        """Remaining distance [m] at each landmark, and at each point under the names "point 0", "point 1", ..."""
+        """Remaining distance [m] at each landmark, and at each point under the names "point 0", "point 1", ...;
+        `message` names those whose noise does not explain theirs (`residuals.is_beyond_noise`)."""
         self.covariance = covariance
         """Covariance (n, 3, 3) [m^2] of the position of each node by noise and unknown forces, linearised."""
         self.rivals: Floats = np.array(rivals, dtype=float).reshape(-1, *self.displacement.shape)
@@ -106,7 +110,8 @@ class Registered(Deformed, Pictured):
         self.is_converged: bool = is_settled and state.is_converged
         self.seconds = seconds
         """Wall time."""
-        self.message = message or "; ".join(filter(None, (self._unexplained(), self._ambiguous(), self._unseen())))
+        fit = (message,) if message else (self._unexplained(), self._ambiguous(), self._unseen())
+        self.message = "; ".join(filter(None, (self._doubted(pair_noise), *fit)))
         """What went wrong, what does not fit, or what was not observed; empty if none of these."""
         self._seal()
 
@@ -134,6 +139,24 @@ class Registered(Deformed, Pictured):
         return (
             f"{how}; do not trust the band; are they in another scale, mirrored or noisier than was said, is their "
             "noise the same over whole regions, or is the mesh too coarse?"
+        )
+
+    def _doubted(self, noise: Floats) -> str:
+        """Landmarks and points that are not where they were measured, the farthest first."""
+        gaps = np.array([*self.pair_residual.values()])
+        far = np.flatnonzero(is_beyond_noise(gaps, noise, self.mesh.diagonal))
+        if not len(far):
+            return ""
+        names = [*self.pair_residual]
+        told = [
+            f"{names[k]!r} by {1e3 * gaps[k]:.3g} mm, with a noise of {1e3 * noise[k]:.3g} mm"
+            for k in far[np.argsort(-gaps[far])][:NAMED]
+        ]
+        more = f" and {len(far) - len(told)} others" if len(far) > len(told) else ""
+        return (
+            f"landmarks and points that do not fit, {len(far)} of {len(gaps)}: {', '.join(told)}{more}; the answer "
+            "gives way to them, so check where they were measured, or state a larger noise of them (`landmark_noise`, "
+            "--landmark-noise)"
         )
 
     def _ambiguous(self) -> str:
