@@ -39,9 +39,10 @@ def quadratic(n_points: int, cells: Indices) -> tuple[Indices, Indices]:
 def quadratic_surface(points: Floats, cells: Indices) -> Indices:
     """Boundary triangles of a quadratic mesh, four for each face; points with midpoints, corner cells (m, 4)."""
 
-def overlap(points: Floats, first: Indices, second: Indices, reach: float) -> tuple[Indices, Floats, Floats]:
+def overlap(points: Floats, first: Indices, second: Indices, reach: float) -> tuple[Indices, Floats, Floats, Floats]:
     """The pieces that two surfaces of triangles (t, 3) have in common: their triangles (p, 2), by corner of a piece its
-    barycentric coordinates in both (p, 18) = (p, 3, 2, 3), and their areas (p,) [m^2]."""
+    barycentric coordinates in both (p, 18) = (p, 3, 2, 3), their areas (p,) [m^2], and how deep the second is behind
+    the first (p,) [m]."""
 
 def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
     """Facts about a mesh, no judgement: `volume` [m^3], `cell_volumes` (m,), `quality` (m,) mean ratio in [0, 1],

@@ -4,7 +4,7 @@ use crate::convert::{self, VisceraError};
 use crate::threads;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyType};
 use rayon::prelude::*;
 use viscera_core::mesh;
 
@@ -67,8 +67,9 @@ pub fn quadratic_surface<'py>(
     convert::table(py, &mesh::quadratic_surface(n_corners, &triangles, &edges))
 }
 
-/// Triangles of both surfaces, barycentric coordinates of the corners, areas.
-type Overlaps<'py> = (Table<'py>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+/// Triangles of both surfaces, barycentric coordinates of the corners, areas, depths.
+type Overlaps<'py> =
+    (Table<'py>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
 #[pyfunction]
 pub fn overlap<'py>(
@@ -94,7 +95,8 @@ pub fn overlap<'py>(
         .map(|piece| std::array::from_fn(|k| piece.corners[k / 6][k / 3 % 2][k % 3]))
         .collect();
     let areas = PyArray1::from_vec(py, pieces.iter().map(|piece| piece.area).collect());
-    Ok((convert::table(py, &triangles)?, convert::table(py, &corners)?, areas))
+    let depths = PyArray1::from_vec(py, pieces.iter().map(|piece| piece.depth).collect());
+    Ok((convert::table(py, &triangles)?, convert::table(py, &corners)?, areas, depths))
 }
 
 #[pyfunction]
@@ -150,6 +152,9 @@ impl Locator {
     }
 }
 
+/// The type of a patch and its arguments, for pickle and copy.
+type PatchAgain<'py> = (Bound<'py, PyType>, (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>));
+
 /// A weighted mean over surface nodes.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Patch {
@@ -172,6 +177,10 @@ impl Patch {
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.patch.weights)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PatchAgain<'py> {
+        (py.get_type::<Self>(), (self.nodes(py), self.weights(py)))
     }
 }
 

@@ -17,6 +17,9 @@ pub struct Piece {
     pub corners: [[[f64; 3]; 2]; 3],
     /// Area [m^2], in the plane of the first triangle.
     pub area: f64,
+    /// How deep the second triangle is behind the first there, at most [m]; negative in front. As deep as a body is thick,
+    /// it is the far side of the body that faces it.
+    pub depth: f64,
 }
 
 /// The pieces that two surfaces have in common: the triangles of the second are projected to the planes of those of the
@@ -98,15 +101,17 @@ impl Plane {
             let flat = [polygon[0], polygon[k], polygon[k + 1]];
             let area = 0.5 * doubled(flat).abs();
             let corners = flat.map(|x| [barycentric(self.flat, x), barycentric(shadow, x)]);
-            let distance = |[own, its]: [[f64; 3]; 2]| {
+            let ways = corners.map(|[own, its]| {
                 let at = |x: [Vector; 3], w: [f64; 3]| -> Vector {
                     std::array::from_fn(|i| (0..3).map(|k| w[k] * x[k][i]).sum())
                 };
-                norm(sub(at(self.corners, own), at(other, its)))
-            };
-            let is_near = corners.iter().all(|&corner| distance(corner) <= reach);
+                sub(at(self.corners, own), at(other, its))
+            });
+            let is_near = ways.iter().all(|&way| norm(way) <= reach);
             if area > SMALLEST * self.area && is_near {
-                pieces.push(Piece { triangles, corners, area });
+                let depth =
+                    ways.map(|way| dot(way, self.normal)).into_iter().fold(f64::MIN, f64::max);
+                pieces.push(Piece { triangles, corners, area, depth });
             }
         }
     }
@@ -167,7 +172,7 @@ mod tests {
 
     #[test]
     fn the_pieces_cover_the_common_area_and_lie_where_they_say() {
-        for gap in [0.0, 0.01] {
+        for gap in [0.0, 0.01, -0.01] {
             let (points, [first, second]) = both(gap, false);
             let pieces = overlap(&points, &first, &second, 0.02);
             let area: f64 = pieces.iter().map(|piece| piece.area).sum();
@@ -185,6 +190,7 @@ mod tests {
                     assert!((way[2] + gap).abs() < 1e-12 && way[0].abs() + way[1].abs() < 1e-12);
                     assert!(corner.iter().flatten().all(|w| (-1e-9..1.0 + 1e-9).contains(w)));
                 }
+                assert!((piece.depth + gap).abs() < 1e-12, "{}", piece.depth);
             }
         }
     }

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 Side: TypeAlias = str | tuple[str, Where]
 """The name of an organ for its whole surface, or the name and a place of its surface."""
 
+DEEPEST = 0.5
+"""How deep a surface may be in the other, over the height of the lower of the cells behind them. Deeper, it is the far
+side of something thin, seen through both bodies (`DEEPEST` in `pieces.rs`, of contact pairs)."""
 STIFFNESS = 100.0
 """Stiffness factor of a bond. An interface under a stress `s` opens by `s / E` of a hundredth of a cell's height."""
 FACTOR = Number(above=0)
@@ -100,7 +103,10 @@ class Bond(Immutable):
     def _pieces(self, mesh: Mesh, faces: Sequence[Indices], reach: float) -> Pieces:
         """What the faces (f, 3) or (f, 6) of both sides have in common on the mesh of the scene; reach [m]."""
         triangles = [np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces]
-        pairs, corners, areas = _core.overlap(mesh.points, triangles[0], triangles[1], reach)
+        pairs, corners, areas, depths = _core.overlap(mesh.points, triangles[0], triangles[1], reach)
+        heights = [_heights(mesh, side, _behind(mesh, side)) for side in faces]
+        is_near = depths <= DEEPEST * np.minimum(heights[0][pairs[:, 0]], heights[1][pairs[:, 1]])
+        pairs, corners, areas = pairs[is_near], corners[is_near], areas[is_near]
         if len(pairs) == 0:
             raise VisceraError(
                 f"{self!r}: no triangle of the one surface faces one of the other within {1e3 * reach:g} mm; move the "
@@ -152,6 +158,18 @@ def _plane_strain_modulus(law: Law, cells: int) -> Floats:
 
 def _layer(mesh: Mesh, faces: Indices, modulus: Floats) -> Floats:
     """Modulus over height (f,) [Pa/m] of the cells behind faces."""
+    cell = _behind(mesh, faces)
+    return np.asarray(modulus[cell] / _heights(mesh, faces, cell))
+
+
+def _heights(mesh: Mesh, faces: Indices, cell: Indices) -> Floats:
+    """Heights (f,) [m] of the cells (f,) over their faces."""
+    areas, _ = areas_and_normals(mesh.points, faces)
+    return np.asarray(3.0 * np.abs(mesh.facts["cell_volumes"][cell]) / areas)
+
+
+def _behind(mesh: Mesh, faces: Indices) -> Indices:
+    """The cells (f,) behind faces of the surface."""
     cells = np.sort(mesh.cells.astype(np.int64), axis=1)
     behind = np.concatenate([np.delete(cells, left_out, axis=1) for left_out in range(4)])
     size = len(mesh.points)
@@ -159,7 +177,4 @@ def _layer(mesh: Mesh, faces: Indices, modulus: Floats) -> Floats:
     order = np.argsort(keys)
     own = np.sort(faces[:, :3].astype(np.int64), axis=1)
     wanted = (own[:, 0] * size + own[:, 1]) * size + own[:, 2]
-    cell = order[np.searchsorted(keys, wanted, sorter=order)] % len(mesh.cells)
-    areas, _ = areas_and_normals(mesh.points, faces)
-    heights = 3.0 * np.abs(mesh.facts["cell_volumes"][cell]) / areas
-    return np.asarray(modulus[cell] / heights)
+    return np.asarray(order[np.searchsorted(keys, wanted, sorter=order)] % len(mesh.cells))

@@ -17,7 +17,7 @@ use super::facets::{Candidates, Facets};
 use super::friction::{Friction, spring};
 use super::layer::Layer;
 use super::meeting::{Meeting, stretch};
-use super::samples::{Height, cells_behind, modulus};
+use super::samples::{Height, cells_behind, height_of, modulus};
 use super::tool::Report;
 use super::weighted_nodes::WeightedNodes;
 use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
@@ -45,6 +45,8 @@ pub(super) struct ActivePair {
     areas: Vec<f64>,
     /// The layers on the triangles of both.
     layers: [Vec<Layer>; 2],
+    /// The heights [m] of the cells behind them.
+    heights: [Vec<f64>; 2],
     reach: f64,
     /// 1 if the first surface is the sampled one, -1 if it is the second, 0 if both are the same.
     sign: f64,
@@ -78,8 +80,8 @@ struct Sample {
     weights: [f64; 3],
     area: f64,
     layer: Layer,
-    /// The triangle of the other surface that it was found on.
-    opposite: Option<u32>,
+    /// The triangle of the other surface that it was found on, and how deep it may be behind that [m].
+    opposite: Option<(u32, f64)>,
     /// The point of the other surface that friction ties it to: triangle and weights.
     tied: Option<(usize, [f64; 3])>,
 }
@@ -99,17 +101,19 @@ impl ActivePair {
             Facets::new(triangles.iter().map(|triangle| triangle.map(local)).collect())
         });
         let (behind, height) = (cells_behind(body), Height::of_all(body, &corners));
+        let behind_of = |triangle: &[u32; 3]| {
+            let face = pair.face_of(triangle);
+            (behind[&face], area(points, &face))
+        };
         let layers = triangles.map(|triangles| {
-            let layer = |triangle: &[u32; 3]| {
-                let face = pair.face_of(triangle);
-                let cell = behind[&face];
-                Layer::new(
-                    modulus(body, cell),
-                    height.of(cell, area(points, &face)),
-                    pair.stiffness,
-                )
+            let layer = |(cell, area)| {
+                Layer::new(modulus(body, cell), height.of(cell, area), pair.stiffness)
             };
-            triangles.iter().map(layer).collect()
+            triangles.iter().map(behind_of).map(layer).collect()
+        });
+        let heights = triangles.map(|triangles| {
+            let height = |(cell, area)| height_of(body, cell, area);
+            triangles.iter().map(behind_of).map(height).collect()
         });
         let self_contact =
             pair.self_contact().map(|rule| CandidateList::new(rule.clone(), pair.reach));
@@ -133,6 +137,7 @@ impl ActivePair {
             self_contact,
             areas,
             layers,
+            heights,
             reach: pair.reach,
             sign,
             samples: Vec::new(),

@@ -260,12 +260,16 @@ impl<'a> Height<'a> {
         Height { body, organ, thickest }
     }
 
-    /// Of a cell over a face of this area [m].
+    /// Of a cell over a face of this area [m], as far as it counts.
     pub fn of(&self, cell: usize, area: f64) -> f64 {
-        let corners = self.body.cells()[cell];
-        let volume = cell_volume(self.body.points(), corners).abs();
-        (3.0 * volume / area).min(self.thickest[self.organ[corners[0] as usize] as usize])
+        let organ = self.organ[self.body.cells()[cell][0] as usize];
+        height_of(self.body, cell, area).min(self.thickest[organ as usize])
     }
+}
+
+/// Of a cell over a face of this area [m].
+pub(super) fn height_of(body: &Body, cell: usize, area: f64) -> f64 {
+    3.0 * cell_volume(body.points(), body.cells()[cell]).abs() / area
 }
 
 fn n_organs(organ: &[u32]) -> usize {

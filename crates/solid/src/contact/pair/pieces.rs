@@ -16,6 +16,10 @@ const GONE: f64 = 0.25;
 /// out of reach.
 const SAMPLED: f64 = 1.0 + 2.0 * GONE;
 
+/// How deep a surface may be behind the face that it has come in by, over the height of the lower of the cells behind them. A
+/// body is at least as thick as a cell is high: deeper, it is the far side of something thin, seen through both bodies.
+const DEEPEST: f64 = 0.5;
+
 /// Cosine of the angle to the opposite direction below which normals of two surfaces face each other.
 const FACING: f64 = 0.5;
 
@@ -59,6 +63,10 @@ impl ActivePair {
         let (near, pairs) = self.near();
         for piece in overlap_of(places, own, self.other.triangles(), &pairs, self.reach) {
             let [triangle, other] = piece.triangles.map(|t| t as usize);
+            let deepest = self.deepest(triangle, other);
+            if piece.depth > deepest {
+                continue;
+            }
             is_covered[triangle] = true;
             let part = piece.area / area(places, &own[triangle]);
             let layer = softer(self.layers[0][triangle], self.layers[1][other]);
@@ -72,7 +80,7 @@ impl ActivePair {
                     weights,
                     area,
                     layer,
-                    opposite: Some(other as u32),
+                    opposite: Some((other as u32, deepest)),
                     tied: None,
                 });
             }
@@ -120,7 +128,8 @@ impl ActivePair {
     }
 
     /// Place and gap of a sample, if the other surface is near. Just inside a sharp edge the side behind it may be closer
-    /// than the face that has come in, and does not push it out: that face is the one which counts. A surface meets itself
+    /// than the face that has come in, and does not push it out: that face is the one which counts. A sample outside has not
+    /// come in: it may face the far side of something thin, through both bodies. A surface meets itself
     /// only where it faces itself: in a sharp crease its two sides look past each other.
     pub(super) fn gap_at(
         &self,
@@ -137,8 +146,12 @@ impl ActivePair {
             dot(normal, gap.normal) < -FACING * norm(normal)
         };
         let gap = match sample.opposite {
-            Some(opposite) if closest.triangle != opposite as usize && !faces(&closest) => {
-                other.behind(opposite as usize, place, self.reach).unwrap_or(closest)
+            Some((opposite, deepest))
+                if closest.triangle != opposite as usize
+                    && closest.gap < 0.0
+                    && !faces(&closest) =>
+            {
+                other.behind(opposite as usize, place, deepest).unwrap_or(closest)
             }
             _ => closest,
         };
@@ -146,6 +159,11 @@ impl ActivePair {
             return None;
         }
         Some((place, gap))
+    }
+
+    /// How deep a triangle of the sampled surface may be behind one of the other [m].
+    fn deepest(&self, triangle: usize, other: usize) -> f64 {
+        (DEEPEST * self.heights[0][triangle].min(self.heights[1][other])).min(self.reach)
     }
 
     /// What a sample may touch.
