@@ -168,6 +168,16 @@ def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
         organ.reduce(**TOP, vary=vs.Vary("poisson", 0.3, 0.42, nodes=2))
 
 
+@pytest.mark.parametrize(("parameter", "low", "high"), [("young", 5e3, 7e5), ("poisson", 0.0, 0.499)])
+def test_a_value_that_a_law_has_already_leaves_it_as_it_is(parameter: str, low: float, high: float) -> None:
+    """To the last bit: the core sets the law of a model to its value, too."""
+    law = vs.NeoHookean(young=1e4, poisson=0.3)
+    for value in np.linspace(low, high, 50).tolist():
+        once = law_at(law, parameter, value, np.array([], dtype=np.uint32), 1)
+        twice = law_at(once, parameter, value, np.array([], dtype=np.uint32), 1)
+        assert twice.parameters.tolist() == once.parameters.tolist()
+
+
 def test_a_range_that_ends_where_cells_lock_has_an_element_that_does_not(
     bar: vs.Mesh, caplog: pytest.LogCaptureFixture
 ) -> None:

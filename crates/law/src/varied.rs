@@ -6,6 +6,8 @@ use super::named::{NamedLaw, SingleLaw};
 use crate::error::Error;
 use viscera_number::tensor::Mat3;
 
+/// Difference of parameters that is rounding, as a part of the largest.
+const EQUAL: f64 = 1e-12;
 /// Change of a parameter by which its effect on the energy is seen.
 const CHANGE: f64 = 0.02;
 /// Difference of energies that is rounding, as a part of the largest.
@@ -19,6 +21,8 @@ impl Material {
     /// The law of `count` cells with another value in some of them, or in all if none are named:
     /// - "young" [Pa] multiplies all stresses s of a row with the modulus E(s), `s <- s young / E(s)`;
     /// - "poisson" keeps E: `mu = E / (2 (1 + nu))`, `lam = E nu / ((1 + nu) (1 - 2 nu))`.
+    ///
+    /// Cells that have the value already, up to rounding, keep their parameters to the last bit.
     ///
     /// # Errors
     /// Another parameter; cells beyond `count`, or of several laws; a law without Lamé constants for "poisson"; a
@@ -52,12 +56,14 @@ impl Material {
                 let some: Vec<&[f64]> = inside.iter().map(|&row| &rows[row][own.clone()]).collect();
                 let columns = stresses(&law, &some)?;
                 for (&row, young) in inside.iter().zip(young) {
-                    columns.iter().for_each(|k| rows[row][start + k] *= value / young);
+                    let mut scaled = rows[row].clone();
+                    columns.iter().for_each(|k| scaled[start + k] *= value / young);
+                    replace(&mut rows[row], &scaled);
                 }
             }
             "poisson" if law.names == ["mu", "lam"] && law.row.is_some() => {
                 for (&row, young) in inside.iter().zip(young) {
-                    rows[row][own.clone()].copy_from_slice(&lame(young, value));
+                    replace(&mut rows[row][own.clone()], &lame(young, value));
                 }
             }
             _ => {
@@ -69,6 +75,14 @@ impl Material {
             }
         }
         Material::new(self.name(), rows)
+    }
+}
+
+/// Puts parameters in the place of others, unless the two differ by rounding alone.
+fn replace(own: &mut [f64], new: &[f64]) {
+    let largest = own.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    if own.iter().zip(new).any(|(own, new)| (new - own).abs() > EQUAL * largest) {
+        own.copy_from_slice(new);
     }
 }
 
@@ -215,6 +229,22 @@ mod tests {
             fibres.varied("poisson", 0.4, &[], 1).is_err(),
             "it is not made from a Poisson's ratio"
         );
+    }
+
+    /// Setting a law twice to a value, in two places of a program, is setting it once.
+    #[test]
+    fn a_value_that_a_law_has_already_leaves_it_as_it_is() {
+        let law = Material::new("neo_hookean", vec![lame(1e4, 0.3).to_vec()]).unwrap();
+        for (parameter, low, high) in [("young", 5e3, 7e5), ("poisson", 0.0, 0.499)] {
+            for n in 0..50 {
+                let value = low + (high - low) * f64::from(n) / 50.0;
+                let once = law.varied(parameter, value, &[], 1).unwrap();
+                let twice = once.varied(parameter, value, &[], 1).unwrap();
+                assert_eq!(once.of_cell(0), twice.of_cell(0), "{parameter} {value}");
+                let near = once.varied(parameter, value + 1e-9 * high, &[], 1).unwrap();
+                assert_ne!(once.of_cell(0), near.of_cell(0), "{parameter} {value}");
+            }
+        }
     }
 
     #[test]

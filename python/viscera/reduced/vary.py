@@ -29,6 +29,8 @@ PARAMETERS = tuple(UNITS)
 NODES = Whole(2, 12)
 ENDS = {"young": Number("Pa", above=0), "poisson": Number(above=-1, below=0.5), "radius": POSITIVE}
 """What the ends of a range may be as numbers."""
+EQUAL = 1e-12
+"""Difference of parameters that is rounding, as a part of the largest of a cell, as in the core."""
 WORDLESS = {"young": "a number in Pa, as every stiffness is, such as 1e3 for 1 kPa", "poisson": "a number without unit"}
 """What they are for parameters that have no words."""
 
@@ -219,9 +221,12 @@ def of_words(words: Mapping[str, Any]) -> Vary:
 def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law:
     """The law of `count` cells with another "young" or "poisson" in some of them, or in all if none are named.
 
-    Young's modulus scales all stresses; Poisson's ratio leaves Young's modulus as it is.
+    Young's modulus scales all stresses; Poisson's ratio leaves Young's modulus as it is. Cells that have the value already,
+    up to rounding, keep their parameters to the last bit, as in the core (`crates/law/src/varied.rs`), which brings the law
+    of a saved model to its value.
     """
-    everywhere = np.repeat(law.parameters, count if len(cells) and len(law.parameters) == 1 else 1, axis=0)
+    before = np.repeat(law.parameters, count if len(cells) and len(law.parameters) == 1 else 1, axis=0)
+    everywhere = before.copy()
     inside = cells if len(cells) else np.arange(len(everywhere))
     changed = from_core(law.name, everywhere[inside])
     if name == "poisson":
@@ -235,7 +240,8 @@ def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law
     else:
         columns = np.array(changed.stresses)
         everywhere[np.ix_(inside, columns)] *= (value / _of(changed, "young"))[:, None]
-    return from_core(law.name, everywhere)
+    difference, largest = np.abs(everywhere - before).max(axis=1), np.abs(before).max(axis=1)
+    return from_core(law.name, np.where((difference > EQUAL * largest)[:, None], everywhere, before))
 
 
 def _of(law: Law, name: str) -> Floats:
