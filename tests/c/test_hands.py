@@ -177,6 +177,62 @@ def test_hands_have_the_law_of_the_value(vary: vs.Vary, block: Block, build: Bui
         np.testing.assert_allclose(found[3:], of_cells, rtol=0, atol=1e-15 * np.abs(of_cells).max())
 
 
+PLACES = """#include <stdio.h>
+#include "viscera_hands.h"
+int main(int argc, char **argv) {
+    char message[256] = "";
+    viscera_model *model, *copy, *other;
+    viscera_sampling sampling;
+    viscera_hands *hands;
+    viscera_grasp *grasp;
+    viscera_held *held;
+    viscera_places *of[3];
+    const double point[3] = {0.2, 0.05, 0.1}, push[3] = {0, 0, -0.005}, place[3] = {0.21, 0.05, 0.05};
+    if (argc != 3 || viscera_load_file(argv[1], &model, message, sizeof message)) return puts(message);
+    if (viscera_load_file(argv[2], &other, message, sizeof message)) return puts(message);
+    if (viscera_copy(model, &copy, message, sizeof message)) return puts(message);
+    viscera_sampling_init(model, &sampling);
+    if (viscera_hands_new(model, &sampling, &hands, message, sizeof message)) return puts(message);
+    if (viscera_grasp_new(hands, point, 1, NULL, NULL, &grasp, message, sizeof message)) return puts(message);
+    if (viscera_held_new(grasp, &held, message, sizeof message)) return puts(message);
+    if (viscera_grasp_solve(grasp, push, 3, 0, 0, held)) return 2;
+    viscera_model *models[3] = {model, copy, other};
+    for (int k = 0; k < 3; k++) {
+        double moved[3] = {1, 1, 1};
+        if (viscera_places_at(models[k], place, 1, &of[k], message, sizeof message)) return puts(message);
+        printf("%d ", viscera_held_places(held, of[k], moved, 3));
+        printf("%.17g\\n", moved[2]);
+        viscera_places_free(of[k]);
+    }
+    viscera_held_free(held);
+    viscera_grasp_free(grasp);
+    viscera_hands_free(hands);
+    viscera_free(copy);
+    viscera_free(other);
+    viscera_free(model);
+    return 0;
+}
+"""
+
+
+def test_places_in_another_mesh_are_refused(block: Block, build: Build, tmp_path: Path) -> None:
+    """Also one with as many nodes; those of a copy of the model are in the same mesh."""
+    for name, width in (("model", 0.1), ("other", 0.11)):
+        beam = vs.mesh(*block((6, 1, 1), (0.4, width, 0.1)))
+        organ = vs.Organ(beam, vs.NeoHookean(young=1e4, poisson=0.3), fixed="x < 1%", element="P1")
+        organ.reduce("z > 99% and x > 30% and x < 70%", radius=0.05, depth=0.02, order=2).save(
+            tmp_path / f"{name}.viscera"
+        )
+    (tmp_path / "places.c").write_text(PLACES)
+    program = build(str(tmp_path / "places.c"), linkage="hands")
+    lines = run(program, tmp_path / "model.viscera", tmp_path / "other.viscera").split("\n")
+    own, copy, other = (line.split() for line in lines[:3])
+    assert own[0] == "0"
+    assert float(own[1]) < 0
+    assert copy == own
+    assert other == ["8", "0"]
+
+
 def test_the_wrapper_of_hands_in_cpp(model: Path, build: Build) -> None:
     assert "in millimetres" in run(build("tests/hands.cpp", linkage="hands"), model)
 

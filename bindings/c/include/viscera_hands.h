@@ -135,7 +135,8 @@ int32_t viscera_grasp_solve(viscera_grasp *grasp, const double *displacements, s
  *   VISCERA_BAD_SETTING it was not asked for.
  * - field: displacement of all nodes, three doubles each.
  * - surface: positions of the deformed surface nodes, three floats each, as by viscera_surface.
- * - places: displacement of places of the same organ, three doubles each.
+ * - places: displacement of places of the same organ, three doubles each; with VISCERA_BAD_SETTING they are places in
+ *   another mesh, and the numbers are zero.
  * The last three cost as much as modes times nodes. */
 int32_t viscera_held_search(const viscera_held *held, viscera_search *search);
 int32_t viscera_held_forces(const viscera_held *held, double *forces, size_t forces_len);

@@ -117,6 +117,14 @@ impl ReducedModel {
         self.arrays.points.len() / 3
     }
 
+    /// A number that models of one mesh have in common, and those of two meshes hardly ever: the CRC-32 of points and cells.
+    pub fn mesh_checksum(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        self.arrays.points.iter().for_each(|x| hasher.update(&x.to_le_bytes()));
+        self.arrays.cells.iter().for_each(|node| hasher.update(&node.to_le_bytes()));
+        hasher.finalize()
+    }
+
     /// Number of load positions.
     pub fn n_positions(&self) -> usize {
         self.arrays.positions.len()

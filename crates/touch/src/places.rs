@@ -23,9 +23,16 @@ pub struct Places {
     modes: Vec<i16>,
     workspace: Vec<f32>,
     field: Vec<f32>,
+    /// Checksum of the mesh that they are in.
+    mesh: u32,
 }
 
 impl Places {
+    /// [`ReducedModel::mesh_checksum`] of the mesh that they are in.
+    pub fn mesh_checksum(&self) -> u32 {
+        self.mesh
+    }
+
     /// Number of places.
     pub fn len(&self) -> usize {
         self.start.len() - 1
@@ -150,6 +157,7 @@ impl ReducedModel {
             workspace: vec![0.0; self.workspace_len()],
             field: vec![0.0; 3 * nodes.len()],
             nodes,
+            mesh: self.mesh_checksum(),
         }
     }
 }

@@ -17,6 +17,8 @@ pub struct Held {
     /// Of the last search, also of one that was refused; not converged before the first.
     pub(super) status: viscera_status,
     frame: Frame,
+    /// Checksum of its mesh, by which it knows places in another one.
+    mesh: u32,
     /// Shared with the grasp.
     verdict: Arc<AtomicI32>,
 }
@@ -38,7 +40,8 @@ const _: () = assert!(size_of::<SearchFacts>() == 56);
 
 impl Held {
     pub(super) fn new(solution: Solution, frame: Frame, verdict: Arc<AtomicI32>) -> Self {
-        Held { solution, status: status::NOT_CONVERGED, frame, verdict }
+        let mesh = solution.contacts.model().mesh_checksum();
+        Held { solution, status: status::NOT_CONVERGED, frame, mesh, verdict }
     }
 
     /// Nothing is held until a search has been made.
@@ -280,15 +283,15 @@ pub unsafe extern "C" fn viscera_held_places(
     let (Some(held), Some(places)) = (unsafe { (held.as_ref(), places.as_ref()) }) else {
         return status::NULL_POINTER;
     };
-    let (count, n) = (places.inside.len(), held.n_points());
-    match unsafe { room(moved, moved_len, 3 * count) } {
+    match unsafe { room(moved, moved_len, 3 * places.inside.len()) } {
         Err(status) => status,
         Ok(out) => {
             out.fill(0.0);
+            if places.inside.mesh_checksum() != held.mesh {
+                return status::BAD_SETTING;
+            }
             if held.has_answer() {
-                // Places of a larger organ are not told.
-                let of_node = |node: usize| if node < n { held.moved(node) } else { [0.0; 3] };
-                places.inside.interpolate(of_node, out.as_chunks_mut().0);
+                places.inside.interpolate(|node| held.moved(node), out.as_chunks_mut().0);
             }
             finite_or_zero(held.status, out)
         }
