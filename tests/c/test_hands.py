@@ -158,8 +158,8 @@ VARIED = [vs.Vary("young", 5e3, 2e4, "x > 50%", nodes=3), vs.Vary("poisson", 0.2
 def test_hands_have_the_law_of_the_value(vary: vs.Vary, block: Block, build: Build, tmp_path: Path) -> None:
     """In a part of the organ and in all of it, with forces and stresses as of the organ that Python makes.
 
-    The law is the same to the last bit: rounded otherwise, forces differ by some 1e-14 here, and by up to the tolerance of
-    a search in larger organs.
+    The law is the same to the last bit: rounded otherwise, forces differ by some 1e-14 here, and by up to the tolerance
+    of a search in larger organs.
     """
     beam = vs.mesh(*block((6, 1, 1), (0.4, 0.1, 0.1)))
     organ = vs.Organ(beam, vs.NeoHookean(young=1e4, poisson=0.3), fixed="x < 1%", element="P1")

@@ -221,9 +221,9 @@ def of_words(words: Mapping[str, Any]) -> Vary:
 def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law:
     """The law of `count` cells with another "young" or "poisson" in some of them, or in all if none are named.
 
-    Young's modulus scales all stresses; Poisson's ratio leaves Young's modulus as it is. Cells that have the value already,
-    up to rounding, keep their parameters to the last bit, as in the core (`crates/law/src/varied.rs`), which brings the law
-    of a saved model to its value.
+    Young's modulus scales all stresses; Poisson's ratio leaves Young's modulus as it is. Cells that have the value
+    already, up to rounding, keep their parameters to the last bit, as in the core (`crates/law/src/varied.rs`), which
+    brings the law of a saved model to its value.
     """
     before = np.repeat(law.parameters, count if len(cells) and len(law.parameters) == 1 else 1, axis=0)
     everywhere = before.copy()
