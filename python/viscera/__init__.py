@@ -30,7 +30,7 @@ from viscera.contact.instrument import Instrument
 from viscera.contact.pair import ContactPair
 from viscera.contact.shapes import Box, Capsule, HalfSpace, Shape, Sphere
 from viscera.contact.tool import Contact, Tool
-from viscera.deformed import Deformed, Moved, PointValues
+from viscera.deformed import Deformed, Moved
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
 from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
@@ -52,6 +52,7 @@ from viscera.law import (
 from viscera.mesh import Mesh, mesh, read
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
+from viscera.pointvalues import PointValues
 from viscera.reduced.answer import Answer
 from viscera.reduced.probe import Felt, Probes, RigidProbe
 from viscera.reduced.touch import Touch, load

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core
 from viscera.boundary.ties import Tied, Ties, carried
 from viscera.errors import VisceraError
-from viscera.files.mesh import EDGES
 from viscera.mesh import Floats, Mesh
 from viscera.output import state as statefile
-from viscera.quantity import Choice, numbers_of, refused
+from viscera.pointvalues import PointValues, interpolated
+from viscera.quantity import numbers_of, refused
 from viscera.sealed import Sealed
 from viscera.select import has_words
 from viscera.select import point as point_of
-from viscera.stress import STRAINS, STRESSES, Response, corner_values, pressure, von_mises
+from viscera.stress import Response, pressure, von_mises
 
 if TYPE_CHECKING:
     import os
@@ -58,9 +58,14 @@ class Deformed(Sealed):
         inverted = self._response.inverted
         return f"{inverted.sum()} of {len(inverted)} cells are inside out" if inverted.any() else ""
 
+    def _doubt(self) -> str:
+        """Which of `statefile.DOUBTS` is true of it; empty if none is."""
+        return ""
+
     def _nodal(self) -> dict[str, Floats]:
         """Fields at nodes of its files beside the stress, by name: `displacement` (n, 3) [m] and further ones."""
-        return {"displacement": self._seen()[1]}
+        displacement, doubt = self._seen()[1], self._doubt()
+        return {"displacement": displacement} | ({doubt: np.ones(len(displacement))} if doubt else {})
 
     @cached_property
     def _response(self) -> Response:
@@ -260,7 +265,8 @@ class Deformed(Sealed):
         `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, at points `displacement` [m], `von_mises` and
         `pressure` [Pa], in cells `cauchy_stress`, `von_mises`, `pressure` [Pa], `green_strain` and `energy_density`
         [J/m^3]. A state and a frame also have `reaction` [N] at points, a registered organ `band` [m] and
-        `is_observed`. Sets of nodes and of cells are kept, but not in `.xdmf`. `.ply`, `.glb`, `.gltf`: the deformed
+        `is_observed`, a state that did not converge `not_converged` and a frame that had not settled `not_settled`, 1
+        at every point. Sets of nodes and of cells are kept, but not in `.xdmf`. `.ply`, `.glb`, `.gltf`: the deformed
         surface with the fields of the points on its vertices. `.obj`, `.stl`: the deformed surface alone. If a cell is
         inverted, no stress is written (`State.message` and a frame in print count such cells), except with the law
         `Linear`; nor are stress and energy of a frame of tissue that relaxes.
@@ -302,7 +308,7 @@ class Deformed(Sealed):
                 f"place {outside[0]} at {place.tolist()} m lies outside the organ, {away:.3g} m from its surface "
                 f"({len(outside)} of {len(places)} do)"
             )
-        return PointValues(places, _interpolated(mesh, displacement, cells, weights), cells, weights, self)
+        return PointValues(places, interpolated(mesh, displacement, cells, weights), cells, weights, self)
 
     def on_grid(
         self,
@@ -316,6 +322,7 @@ class Deformed(Sealed):
 
         image: a file, a `Scan`, or an image of SimpleITK.
         axes: world axes of the mesh, "RAS" or "LPS"; by default those of the scan that it was made from, else "RAS".
+        Warns of a state that did not converge and of a frame that had not settled.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -329,6 +336,8 @@ class Deformed(Sealed):
 
         mesh, displacement = self._seen()
         places = Grid.of(image, axes_of(mesh, axes))
+        if doubt := self._doubt():
+            warnings.warn(statefile.DOUBTS[doubt], stacklevel=2)
         return on_grid(mesh, displacement, places, inverse=inverse, margin=margin)
 
 
@@ -358,6 +367,9 @@ class Moved(Deformed):
         self._source = source
         self._nodes = nodes
         self._seal()
+
+    def _doubt(self) -> str:
+        return "" if self._source is None else self._source._doubt()
 
     def _lacks_stress(self) -> str:
         """As its source, such as a frame that does not know its past."""
@@ -394,61 +406,3 @@ class Moved(Deformed):
 
     def _from_rest(self) -> tuple[Organ, Floats]:
         return self.organ, self.displacement
-
-
-@dataclass(frozen=True, eq=False)
-class PointValues(Sealed):
-    """Displacement, stress and strain at k points of a deformed organ.
-
-    >>> import viscera as vs
-    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
-    >>> inside = state.at([[0.5, 0.1, 0.2]])
-    >>> inside.displacement.shape, inside.stress().shape, inside.strain().shape
-    ((1, 3), (1, 3, 3), (1, 3, 3))
-    """
-
-    places: Floats
-    """The points (k, 3) [m] in the undeformed mesh."""
-    displacement: Floats
-    """Displacement (k, 3) [m], with the shape functions of the element."""
-    cells: NDArray[np.int64]
-    """The cell (k,) that contains each point."""
-    _weights: Floats
-    _of: Deformed
-
-    def stress(self, measure: str = "cauchy") -> Floats:
-        """Stress (k, 3, 3) [Pa] of the cell, as in `State.stress`; linear in a quadratic cell, except for the pressure.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
-        >>> state.at([[0.1, 0.1, 0.19]]).stress()[0, 0, 0].round().item()  # along the beam
-        2863.0
-        """
-        self._of._expect_stress()
-        return self._within(self._of._response.even().stress(Choice(STRESSES)(measure, "the stress")))
-
-    def strain(self, measure: str = "green") -> Floats:
-        """Strain (k, 3, 3) of the cell, as in `State.strain`; linear in a quadratic cell.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
-        >>> state.at([[0.1, 0.1, 0.19]]).strain("log")[0, 0, 0].round(4).item()  # along the beam
-        0.0296
-        """
-        return self._within(self._of._response.strain(Choice(STRAINS)(measure, "the strain")))
-
-    def _within(self, values: Floats) -> Floats:
-        return np.asarray(np.einsum("ka,ka...->k...", self._weights, corner_values(values[self.cells])))
-
-
-def _interpolated(mesh: Mesh, field: Floats, cells: NDArray[np.int64], weights: Floats) -> Floats:
-    """A nodal field (n, 3) at points (k, 3), by the shape functions of the element."""
-    if not len(mesh.edges):
-        return np.asarray(np.einsum("ka,kai->ki", weights, field[mesh.cells[cells]]))
-    nodes = _core.quadratic(mesh.n_corners, mesh.cells)[1][cells]
-    edges = [4.0 * weights[:, a] * weights[:, b] for a, b in EDGES]
-    shapes = np.column_stack([weights * (2.0 * weights - 1.0), *edges])
-    return np.asarray(np.einsum("ka,kai->ki", shapes, field[nodes]))

@@ -18,6 +18,7 @@ from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.output import state as statefile
 from viscera.quantity import Choice
 
 if TYPE_CHECKING:
@@ -103,6 +104,9 @@ class State(Deformed, Pictured):
 
     def _from_rest(self) -> tuple[Organ, Floats]:
         return self._organ, self._displacement_from_rest
+
+    def _doubt(self) -> str:
+        return "" if self.is_converged else statefile.NOT_CONVERGED
 
     def _nodal(self) -> dict[str, Floats]:
         return super()._nodal() | {"reaction": self._held}

@@ -68,7 +68,7 @@ def test_an_organ_is_found_from_files(folder: Path, capsys: pytest.CaptureFixtur
     assert "turned by" in printed
     assert "landmark 'tip'" in printed
     assert "do not fit" not in printed
-    mesh, displacement = vs.output.state.read(found)
+    mesh, displacement, _ = vs.output.state.read(found)
     error = np.linalg.norm(mesh.points + displacement - np.load(folder / "now.npy"), axis=1)
     assert error.mean() < 4e-3  # the noise is 1 mm, the beam 1 m long, and one side of it is seen
     assert np.ptp(vs.output.state.read(shape)[1][:, 2]) > 0.05

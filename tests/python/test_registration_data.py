@@ -199,7 +199,7 @@ def test_a_landmark_that_does_not_fit_is_named() -> None:
     places = beam.mesh.points[::20]
     tip = np.add(beam.mesh.points[beam.mesh.sets["tip"]].mean(axis=0), [0.0, 0.0, 0.1])
     given: dict[str, Any] = {"points": (places, 0.0 * places + [0.0, 0.0, 0.1]), "noise": NOISE}
-    off = {"tip": tip + [0.04, 0.0, 0.0]}
+    off = {"tip": np.add(tip, [0.04, 0.0, 0.0])}
     wrong = beam.register(landmarks=off, **given)
     assert wrong.status == "converged"
     left = f"{1e3 * wrong.pair_residual['tip']:.3g}"

@@ -107,7 +107,7 @@ def test_a_moment_of_a_path_deforms_the_image_of_its_own_axes(organ: vs.Organ, t
     path = lps.path(force={"tip": (0.0, 0.5, -1.0)})
     vs.Scan.of(mesh, voxel=0.02).write(tmp_path / "scan.nii.gz")
     last = path.write(tmp_path / "path.pvd", samples=3)[-1]
-    shape, displacement = vs.output.state.read(last, in_scan=True)
+    shape, displacement, _ = vs.output.state.read(last, in_scan=True)
     read = vs.Organ(shape, organ.law, fixed=organ.fixed).moved(displacement).on_grid(tmp_path / "scan.nii.gz")
     expected = lps.moved(path.curve(3)[1][-1]).on_grid(tmp_path / "scan.nii.gz")
     assert expected.inside.sum() > 100

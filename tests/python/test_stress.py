@@ -317,7 +317,9 @@ def test_points_of_a_frame_have_no_stress_where_tissue_relaxes(bar: vs.Mesh) -> 
 
 def test_a_frame_of_tissue_that_relaxes_is_written_without_its_stress(bar: vs.Mesh, tmp_path: Path) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
-    frame = organ.stepper(time_step=0.01, relaxation=vs.Prony(g=[0.5], tau=[0.1])).frame({"tip": (None, None, -0.001)})
+    stepper = organ.stepper(time_step=0.01, relaxation=vs.Prony(g=[0.5], tau=[0.1]), iterations=10)
+    frame = stepper.frame({"tip": (None, None, -0.001)})
+    assert frame.is_settled
     for ending in ("stl", "obj", "ply", "vtu"):
         frame.write(tmp_path / f"r.{ending}")
     volume = meshio.read(tmp_path / "r.vtu")

@@ -2,7 +2,8 @@
 
 viscera warp scan.nii.gz --with solved.vtu -o moved.nii.gz
 The voxels of the organ move with it. Voxels that it has left get the background value; all others stay unchanged.
-Of a label map the labels that lie in the organ move, and none beside it.
+Of a label map the labels that lie in the organ move, and none beside it. Fails (exit 1) if the solution did not
+converge or its frame had not settled; what was asked for is written all the same.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from viscera.cli.output import Outcome, Output
+from viscera.cli.output import FAILED, Outcome, Output
 from viscera.errors import VisceraError
 from viscera.output import state as statefile
 from viscera.scans import grid
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.spare([args.image, args.state], *options.items())
     for path in wanted:
         grid.checked(path)
-    mesh, displacement = statefile.read(args.state, in_scan=True)
+    mesh, displacement, doubt = statefile.read(args.state, in_scan=True)
     image = grid.read(args.image)
     places = grid.Grid.of(image, grid.axes_of(mesh, args.axes))
     forward, inverse = (grid.on_grid(mesh, displacement, places, inverse=inverse) for inverse in (False, True))
@@ -65,6 +66,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     if not (mesh.axes or args.axes):
         output.say(f"  note          {args.state} does not state its axes; taken as {places.axes}, see --axes")
     output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
+    if doubt:
+        output.say(f"{args.state}: {statefile.DOUBTS[doubt]}")
     if args.output is not None:
         interpolation, why = (args.interpolation, "") if args.interpolation else _fitting(image)
         warped = warp(image, forward, inverse, interpolation=interpolation, background=args.background)
@@ -75,6 +78,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         if path is not None:
             field.write(path)
             output.say(f"field written to {path}")
+    if doubt:
+        return Outcome(doubt.replace("_", " "), FAILED, facts | {"message": statefile.DOUBTS[doubt]})
     return Outcome("written", facts=facts)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,14 @@ NOT_IN_SCAN = {
     "organ; take the state counted from the scan, which `rest.from_scan(state).write` or `viscera solve` writes",
 }
 """Fields of solutions that do not lie where the scan shows the organ, with the reason and the remedy."""
+NOT_CONVERGED, NOT_SETTLED = "not_converged", "not_settled"
+DOUBTS = {
+    NOT_CONVERGED: "the solve of this shape did not converge: it is the last equilibrium before, under a part of the "
+    "loads; `state.message` tells what stopped it",
+    NOT_SETTLED: "the frame of this shape had not settled: it may be far from equilibrium; take a frame that "
+    "`is_settled`, or solve",
+}
+"""Fields, 1 at every point, of shapes that are no equilibrium under their loads, and what to say of one."""
 REST_OF_AXES = {
     REGISTERED: ", at rest; by the displacement to the axes of the intervention",
     UNLOADED: ", not under the loads of the scan",
@@ -53,6 +61,17 @@ SURFACES = {
 }
 Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 """Quaternion that turns z, which is up here, into y, which is up in glTF."""
+
+
+class Solution(NamedTuple):
+    """What a file holds of a solution."""
+
+    mesh: Mesh
+    """With the world axes of its scan if the file states them, which `.vtu` does."""
+    displacement: Floats
+    """Displacement (n, 3) [m]."""
+    doubt: str
+    """Which of `DOUBTS` is true of it; empty if none is."""
 
 
 def checked(path: str | os.PathLike[str]) -> Path:
@@ -104,10 +123,9 @@ def write(
         _write_surface(scratch, ending, (mesh.points + displacement)[nodes], triangles, shown)
 
 
-def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, Floats]:
-    """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` if it holds none.
+def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> Solution:
+    """The solution in a file of a volume format; raises `VisceraError` if it holds none.
 
-    The mesh has the world axes of its scan if the file states them, which `.vtu` does.
     in_scan: the organ is to lie where the scan shows it, and to move in its axes; one that does not is refused.
     """
     name = str(path_of(path, "the solution"))
@@ -131,6 +149,7 @@ def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, 
     elsewhere = next((field for field in NOT_IN_SCAN if field in grid.point_data), None)
     if in_scan and elsewhere is not None:
         raise VisceraError(f"{name}: {NOT_IN_SCAN[elsewhere]}")
+    doubt = next((field for field in DOUBTS if field in grid.point_data), "")
     kind = next((kind for kind in ("tetra10", "tetra") if kind in grid.cells_dict), None)
     if kind is None:
         raise VisceraError(f"{name}: holds no tetrahedra")
@@ -142,12 +161,12 @@ def read(path: str | os.PathLike[str], *, in_scan: bool = False) -> tuple[Mesh, 
     if linear.messages and kind == "tetra10":
         raise VisceraError(f"{name}: {linear.messages[0]}; quadratic cells must be oriented as Viscera writes them")
     if kind == "tetra":
-        return linear, np.asarray(field[corners], dtype=float)
+        return Solution(linear, np.asarray(field[corners], dtype=float), doubt)
     quadratic = linear.quadratic()
     nodes = _core.quadratic(quadratic.n_corners, quadratic.cells)[1]
     displacement = np.zeros_like(quadratic.points)
     displacement[nodes] = field[cells]
-    return quadratic, displacement
+    return Solution(quadratic, displacement, doubt)
 
 
 def write_volume(

@@ -19,6 +19,7 @@ from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.output import state as statefile
 from viscera.stepping.hand import Hand
 
 if TYPE_CHECKING:
@@ -117,6 +118,9 @@ class Frame(Deformed, Pictured):
 
     def _from_rest(self) -> tuple[Organ, Floats]:
         return self._organ, self.displacement
+
+    def _doubt(self) -> str:
+        return "" if self.is_settled else statefile.NOT_SETTLED
 
     def _nodal(self) -> dict[str, Floats]:
         return super()._nodal() | {"reaction": self._reactions}
