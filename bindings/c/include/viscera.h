@@ -31,7 +31,8 @@ enum viscera_status {
     VISCERA_OK = 0,
     VISCERA_BEYOND_DEPTH = 1,    /* the displacement exceeds the depth that the model was made for */
     VISCERA_ERROR_TOO_LARGE = 2, /* the estimated error is larger than allowed at this depth */
-    VISCERA_OFF_SURFACE = 3,     /* the point is more than an edge length off the touchable surface */
+    VISCERA_OFF_SURFACE = 3,     /* nothing is touched: a point is more than an edge length off the touchable surface, or a
+                                  * probe does not reach it */
     VISCERA_NOT_FINITE = 4,      /* an input is infinite or not a number, or the answer overflowed */
     VISCERA_NULL_POINTER = 5,
     VISCERA_SHORT_BUFFER = 6,

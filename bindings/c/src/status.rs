@@ -30,7 +30,7 @@ pub extern "C" fn viscera_status_text(status: viscera_status) -> *const c_char {
         OK => c"trusted",
         BEYOND_DEPTH => c"not trusted: displaced beyond the model's depth",
         ERROR_TOO_LARGE => c"not trusted: the estimated error is too large",
-        OFF_SURFACE => c"the point is more than an edge length off the touchable surface",
+        OFF_SURFACE => c"nothing is touched: off the touchable surface",
         NOT_FINITE => c"a number is infinite or not a number",
         NULL_POINTER => c"a pointer is null",
         SHORT_BUFFER => c"a buffer is too short",

@@ -369,6 +369,7 @@ static void probing(viscera_model *model) {
     EXPECT(viscera_probe_follow(probe, NULL, 1e-3, &felt) == VISCERA_NULL_POINTER);
     viscera_probe_free(probe);
     viscera_probe_free(NULL);
+    EXPECT(strstr(viscera_status_text(VISCERA_OFF_SURFACE), "nothing is touched") != NULL);
 }
 
 int main(int argc, char **argv) {
