@@ -172,7 +172,8 @@ fn poses_that_are_no_numbers_leave_it_where_it_was() {
         for i in 0..3 {
             let mut center = held.center;
             center[i] = bad;
-            for felt in [probe.place(&model, center), probe.follow(&model, center, 1e-3)] {
+            let drawn = |probe: &mut Probe| probe.follow(&model, center, 1e-3).unwrap();
+            for felt in [probe.place(&model, center), drawn(&mut probe)] {
                 assert!(felt.force == [0.0; 3] && felt.torque == [0.0; 3]);
                 assert!(
                     felt.error_estimate.is_finite() && felt.center.iter().all(|x| x.is_finite())
@@ -183,8 +184,48 @@ fn poses_that_are_no_numbers_leave_it_where_it_was() {
             probe.place(&model, held.center);
         }
     }
-    for dt in [f64::NAN, f64::INFINITY, 0.0, -1e-3] {
-        assert_eq!(probe.follow(&model, held.center, dt).grip, Grip::Lost);
+}
+
+#[test]
+fn a_step_that_is_no_duration_is_refused_and_changes_nothing() {
+    let model = block();
+    for mut probe in [probe(&model, 0.2), coupled(&model, 0.2)] {
+        probe.follow(&model, above(0.0, 0.0, 0.0), 1e-3);
+        probe.follow(&model, above(0.001, 0.0, 0.002), 1e-3);
+        let before = probe.clone();
+        for dt in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e-3] {
+            assert_eq!(probe.follow(&model, above(0.002, 0.0, 0.003), dt), None);
+            assert_eq!(probe, before);
+        }
+    }
+}
+
+/// The friction that a drag has built up, and a device that goes deep within the step: what follows is what it would be
+/// without that step.
+#[test]
+fn a_step_of_no_duration_loses_nothing() {
+    let model = block();
+    let forces = |damping: f64, steps: &[f64]| {
+        let coupling = Some(Coupling { stiffness: 3000.0, damping });
+        let mut probe = Probe::new(&model, RADIUS, 0.5, TOLERANCE, coupling).unwrap();
+        for n in 0..300 {
+            let part = f64::from(n) / 300.0;
+            probe.follow(&model, above(0.0005 * part, 0.0, 0.004 * part), 1e-3);
+        }
+        let felt = steps.iter().map(|&dt| {
+            let felt = probe.follow(&model, above(0.0005, 0.0, 0.012), dt).unwrap();
+            assert!(felt.grip == Grip::Sticks && parts(&felt).0 > 0.0, "{dt} s: {felt:?}");
+            felt.force
+        });
+        felt.last().unwrap()
+    };
+    for damping in [0.0, 2.0] {
+        let without = forces(damping, &[1e-3; 40]);
+        for dt in [0.0, -0.0, 1e-12, 1e-300] {
+            let steps: Vec<f64> = std::iter::once(dt).chain([1e-3; 40]).collect();
+            let change = std::array::from_fn(|i| forces(damping, &steps)[i] - without[i]);
+            assert!(size(change) < 2e-2 * size(without), "{damping} N s/m, {dt} s: {change:?}");
+        }
     }
 }
 
@@ -221,12 +262,39 @@ fn coupling_and_tissue_come_into_balance() {
         probe.follow(&model, above(0.0, 0.0, 1e-5 * f64::from(n)), 1e-3);
     }
     let device = above(1e-4, 0.0, 0.002);
-    let felt = (0..200).map(|_| probe.follow(&model, device, 1e-3)).last().unwrap();
+    let felt = (0..200).filter_map(|_| probe.follow(&model, device, 1e-3)).last().unwrap();
     for i in 0..3 {
         let spring = 300.0 * (device[i] - felt.center[i]);
         assert!((spring - felt.force[i]).abs() < 1e-3 * size(felt.force), "{spring} N, {felt:?}");
     }
     assert!(felt.center[2] > device[2], "the tissue holds it up");
+}
+
+/// In its first step and after it was lifted, from a light touch to half a radius; deeper it comes from within.
+#[test]
+fn a_first_step_in_the_organ_is_in_balance_at_once() {
+    let model = block();
+    for (stiffness, friction) in [(30.0, 0.0), (300.0, 0.3), (300.0, 1.0), (3000.0, 0.3)] {
+        let coupling = Some(Coupling { stiffness, damping: 1.0 });
+        let mut probe = Probe::new(&model, RADIUS, friction, TOLERANCE, coupling).unwrap();
+        // A stiff spring must not ask for more than the depth of the model.
+        let deepest = if stiffness > 1e3 { 0.004 } else { 0.0059 };
+        for entered in [1e-4, 5e-4, 0.002, deepest] {
+            let device = above(1e-3, 5e-4, entered);
+            let (count, felt) = allocations(|| probe.follow(&model, device, 1e-3).unwrap());
+            assert_eq!(count, 0);
+            let spring = (0..3).map(|i| stiffness * (device[i] - felt.center[i]) - felt.force[i]);
+            let lacks = spring.map(|x| x * x).sum::<f64>().sqrt();
+            assert!(lacks < 1e-3 * size(felt.force), "{stiffness} N/m, {entered} m: {felt:?}");
+            assert!(parts(&felt).1 > 0.0 && felt.trust == Trust::Trusted, "{felt:?}");
+            let next = probe.follow(&model, device, 1e-3).unwrap();
+            let change = std::array::from_fn(|i| next.force[i] - felt.force[i]);
+            assert!(size(change) < 2e-3 * size(felt.force), "{felt:?} {next:?}");
+            probe.lift();
+        }
+        let deep = above(0.0, 0.0, 0.51 * RADIUS);
+        assert_eq!(probe.follow(&model, deep, 1e-3).unwrap().grip, Grip::Inside);
+    }
 }
 
 #[test]
@@ -237,7 +305,7 @@ fn a_device_that_jumps_through_the_organ_does_not_take_the_probe_along() {
     let below = above(0.0, 0.0, 3.0 * SIZE[2]);
     let mut last = [0.0; 3];
     for _ in 0..300 {
-        let felt = probe.follow(&model, below, 1e-3);
+        let felt = probe.follow(&model, below, 1e-3).unwrap();
         assert!(felt.center[2] > SIZE[2], "its centre stays outside: {felt:?}");
         assert!(size(felt.force).is_finite() && felt.grip != Grip::Inside);
         last = felt.force;
@@ -245,11 +313,12 @@ fn a_device_that_jumps_through_the_organ_does_not_take_the_probe_along() {
             assert!(-felt.gap <= model.metadata().depth);
         }
     }
-    let felt = probe.follow(&model, below, 1e-3);
+    let felt = probe.follow(&model, below, 1e-3).unwrap();
     assert_eq!(felt.trust, Trust::BeyondDepth, "the device asks for more than the model has");
     assert!(-last[2] > 0.0);
     // Back above, it comes free.
-    let felt = (0..300).map(|_| probe.follow(&model, above(0.0, 0.0, -0.01), 1e-3)).last().unwrap();
+    let up = above(0.0, 0.0, -0.01);
+    let felt = (0..300).filter_map(|_| probe.follow(&model, up, 1e-3)).last().unwrap();
     assert_eq!((felt.grip, felt.force), (Grip::Free, [0.0; 3]));
 }
 
@@ -260,13 +329,13 @@ fn random_devices_get_finite_forces_in_the_cone_and_no_energy() {
     let mut probe = coupled(&model, friction);
     let (mut work, mut seen) = (0.0, [0; 5]);
     let mut device = above(0.0, 0.0, -0.001);
-    let mut last = probe.follow(&model, device, 1e-3);
+    let mut last = probe.follow(&model, device, 1e-3).unwrap();
     for random in samples::noise(30_000, 7).chunks_exact(3) {
         let home = above(0.0, 0.0, 0.0015);
         let step: [f64; 3] =
             std::array::from_fn(|i| 4e-4 * random[i] + 0.02 * (home[i] - device[i]));
         device = std::array::from_fn(|i| device[i] + step[i]);
-        let (count, felt) = allocations(|| probe.follow(&model, device, 1e-3));
+        let (count, felt) = allocations(|| probe.follow(&model, device, 1e-3).unwrap());
         assert_eq!(count, 0);
         let onto: f64 = -felt.force[2];
         assert!(parts(&felt).0 <= friction * onto * (1.0 + 1e-9) + 1e-15, "{felt:?}");

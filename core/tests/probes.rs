@@ -150,7 +150,8 @@ fn ticks_of_a_group_allocate_nothing() {
         let mut touching = 0;
         for n in 0..200 {
             let devices = centers(0.03, [2e-5 * f64::from(n) - 5e-4; 2]);
-            let felt = together.follow(&model, &mut [&mut one, &mut other], &devices, 1e-3);
+            let mut probes = [&mut one, &mut other];
+            let felt = together.follow(&model, &mut probes, &devices, 1e-3).unwrap();
             touching += felt.iter().filter(|felt| felt.force[2] < 0.0).count();
         }
         touching

@@ -88,3 +88,54 @@ def test_a_probe_held_still_feels_the_same_from_tick_to_tick() -> None:
             probe.place((x, y, top - part * entered))
         forces = [probe.place((x, y, top - entered)).force for _ in range(8)][4:]
         assert np.ptp(forces, axis=0).max() < 1e-3 * np.abs(forces).max()
+
+
+@pytest.fixture(scope="module")
+def layer() -> vs.Touch:
+    """The upper side of a thick layer: a hundred times as stiff as the springs."""
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="z < 1%")
+    return organ.reduce("x > 50% and z > 99%", depth="5%", order=3)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("stiffness", [20.0, 500.0, 2e4])
+@pytest.mark.parametrize("model", ["layer", "cantilever"])
+def test_the_first_step_of_a_probe_in_the_organ_is_in_balance(
+    model: str, stiffness: float, friction: float, request: pytest.FixtureRequest
+) -> None:
+    """New and lifted: the device stands at most half a radius deep, and the spring must not be left out."""
+    touch: vs.Touch = request.getfixturevalue(model)
+    random = np.random.default_rng(5)
+    probe = touch.probe(friction=friction, stiffness=stiffness, damping=1.0)
+    for _ in range(30):
+        place = random.uniform((0.6, 0.05), (0.9, 0.15))
+        device = np.append(place, 0.2 + probe.radius * random.uniform(0.52, 0.99))
+        felt = probe.follow(device, TICK)
+        size = np.linalg.norm(felt.force)
+        assert size > 0
+        assert np.linalg.norm(stiffness * (device - felt.center) - felt.force) < 1e-3 * size
+        # With friction it sticks to what a tick's iterations have left of the slip, some per cent at most.
+        again = probe.follow(device, TICK)
+        assert np.linalg.norm(again.force - felt.force) < 0.05 * size
+        probe.lift()
+
+
+def test_a_probe_that_is_lifted_out_of_a_group_comes_back_in_balance(layer: vs.Touch) -> None:
+    hands = vs.Probes([layer.probe(friction=0.3, stiffness=500.0, damping=1.0) for _ in range(2)])
+    devices = [(x, 0.1, 0.18 + layer.radius) for x in (0.65, 0.9)]
+    held = [hands.follow(devices, TICK) for _ in range(50)][-1]
+    hands.probes[0].lift()
+    back = hands.follow(devices, TICK)
+    for one, other in zip(held, back, strict=True):
+        assert np.linalg.norm(one.force - other.force) < 0.02 * np.linalg.norm(one.force)
+        assert 5.0 < -other.force[2] < 500.0 * 0.02
+
+
+def test_a_step_of_no_duration_keeps_the_touch(layer: vs.Touch) -> None:
+    probe = layer.probe(friction=0.5, stiffness=500.0, damping=1.0)
+    start = np.array([0.7, 0.1, 0.19 + layer.radius])
+    path = start + np.outer(np.linspace(0.0, 0.01, 100), (1, 0, 0))
+    felt = [probe.follow(device, TICK) for device in path][-1]
+    assert felt.force[0] > 0.1
+    same = probe.follow(path[-1], 0.0)
+    assert np.linalg.norm(same.force - felt.force) < 0.01 * np.linalg.norm(felt.force)

@@ -137,7 +137,7 @@ def test_poses_are_refused_before_they_reach_the_probes(beam: vs.Touch) -> None:
     with pytest.raises(VisceraError, match="the positions of the probes, number 1"):
         hands.place([(0, 0, 1), (0, 0, float("nan"))])
     with pytest.raises(VisceraError, match="the time step"):
-        hands.follow([(0, 0, 1), (0, 0, 1)], 0.0)
+        hands.follow([(0, 0, 1), (0, 0, 1)], -1e-3)
 
 
 def pinching(touch: vs.Touch, upper: float, lower: float) -> vs.Probes:

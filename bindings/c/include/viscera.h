@@ -306,7 +306,11 @@ int32_t viscera_probe_place(viscera_probe *probe, const double center[3], viscer
 
 /* REAL TIME. Draws the probe by its coupling towards a device, `dt` seconds after the last step. The probe goes where
  * spring, damper and tissue are in balance, by at most a quarter of its radius, and stays on the side of the organ that
- * it touches. The force is that of the tissue. Without a coupling the probe is where the device is. */
+ * it touches. The force is that of the tissue. Without a coupling the probe is where the device is. The first step of a
+ * new or lifted probe begins outside, and goes at once to the balance of spring and tissue; friction begins after it.
+ * `dt` is at least 0 and finite; any other is refused with VISCERA_BAD_SETTING and no force, and the probe stays as it
+ * was. In a step of no duration the damper takes the probe along with the device. The statuses are else those of
+ * viscera_probe_place. */
 int32_t viscera_probe_follow(viscera_probe *probe, const double device[3], double dt, viscera_felt *felt);
 
 /* REAL TIME. Takes the probe from the organ: the next place is a first one, so it must be outside. */
@@ -327,7 +331,8 @@ void viscera_probes_free(viscera_probes *group);
  * status that viscera_probe_place would give. The fields of viscera_surface at each touch add up to that of the organ. */
 int32_t viscera_probes_place(viscera_probes *group, const double *centers, viscera_felt *felt, int32_t *status);
 
-/* REAL TIME. Draws the probes by their couplings towards devices, as viscera_probe_follow. */
+/* REAL TIME. Draws the probes by their couplings towards devices, as viscera_probe_follow, with the status that it would
+ * give. For a `dt` that is refused this returns VISCERA_BAD_SETTING, too. */
 int32_t viscera_probes_follow(viscera_probes *group, const double *devices, double dt, viscera_felt *felt,
                               int32_t *status);
 

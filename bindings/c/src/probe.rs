@@ -36,7 +36,7 @@ pub const PROBE_STICKS: i32 = 1;
 pub const PROBE_SLIDES: i32 = 2;
 
 impl Felt {
-    const NONE: Self = Felt {
+    pub(crate) const NONE: Self = Felt {
         force: [0.0; 3],
         torque: [0.0; 3],
         center: [0.0; 3],
@@ -56,14 +56,17 @@ impl Felt {
 }
 
 impl Probe {
-    /// Makes a step, and tells it in the caller's frame.
+    /// Makes a step, and tells it in the caller's frame; none is made with a setting that is out of its range.
     fn step(
         &mut self,
-        step: impl FnOnce(&mut viscera_touch::Probe, &Model) -> viscera_touch::Felt,
+        step: impl FnOnce(&mut viscera_touch::Probe, &Model) -> Option<viscera_touch::Felt>,
     ) -> (Felt, viscera_status) {
         // SAFETY: it was not null, and outlives the probe by the caller's contract.
         let model = unsafe { &*self.model };
-        Felt::told(step(&mut self.sphere, model), model)
+        match step(&mut self.sphere, model) {
+            Some(felt) => Felt::told(felt, model),
+            None => (Felt::NONE, status::BAD_SETTING),
+        }
     }
 
     /// The model that it touches.
@@ -201,9 +204,8 @@ pub unsafe extern "C" fn viscera_probe_place(
 ) -> viscera_status {
     // SAFETY: the caller's contract.
     let (told, status) = match unsafe { (probe.as_mut(), vector(center)) } {
-        (Some(probe), Some(center)) => {
-            probe.step(|sphere, model| sphere.place(&model.reduced, model.frame.point_in(center)))
-        }
+        (Some(probe), Some(center)) => probe
+            .step(|sphere, model| Some(sphere.place(&model.reduced, model.frame.point_in(center)))),
         _ => (Felt::NONE, status::NULL_POINTER),
     };
     unsafe { put(felt, told) };

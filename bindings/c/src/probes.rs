@@ -160,13 +160,17 @@ unsafe fn step(
     }
     let places = unsafe { std::slice::from_raw_parts(places.cast::<[f64; 3]>(), probes.len()) };
     here.iter_mut().zip(places).for_each(|(here, place)| *here = model.frame.point_in(*place));
+    let count = probes.len();
     let found = match dt {
-        None => together.place(&model.reduced, probes, here),
+        None => Some(together.place(&model.reduced, probes, here)),
         Some(dt) => together.follow(&model.reduced, probes, here, dt),
     };
-    for (k, found) in found.iter().enumerate() {
-        let (what, status) = Felt::told(*found, model);
+    for k in 0..count {
+        let (what, status) = match found {
+            Some(found) => Felt::told(found[k], model),
+            None => (Felt::NONE, status::BAD_SETTING),
+        };
         unsafe { (felt.add(k).write(what), told.add(k).write(status)) };
     }
-    status::OK
+    if found.is_some() { status::OK } else { status::BAD_SETTING }
 }

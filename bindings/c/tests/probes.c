@@ -44,11 +44,37 @@ static int refusals(viscera_probe *one, double radius, const char *path) {
     EXPECT(viscera_probes_place(group, NULL, felt, status) == VISCERA_NULL_POINTER);
     EXPECT(viscera_probes_place(group, places, NULL, status) == VISCERA_NULL_POINTER);
     EXPECT(viscera_probes_follow(group, places, 1e-3, felt, NULL) == VISCERA_NULL_POINTER);
-    EXPECT(viscera_probes_follow(group, places, -1, felt, status) == VISCERA_OK && status[0] == VISCERA_NOT_FINITE);
+    EXPECT(viscera_probes_follow(group, places, -1, felt, status) == VISCERA_BAD_SETTING);
+    EXPECT(status[0] == VISCERA_BAD_SETTING && felt[0].force[2] == 0);
     viscera_probes_free(group);
     viscera_probes_free(NULL);
     viscera_probe_free(other);
     viscera_free(copy);
+    return 0;
+}
+
+/* A probe of a group that goes on, lifted while its device is in the organ; then a step that is no duration. */
+static int lifted(const viscera_model *organ, double radius) {
+    viscera_probe *probes[2];
+    viscera_probes *group;
+    viscera_felt felt[2], held[2];
+    int32_t status[2];
+    const double devices[6] = {0.41, 0.1, 0.2 + 0.85 * radius, 0.59, 0.1, 0.2 + 0.85 * radius}, spring = 500;
+    for (int k = 0; k < 2; k++) {
+        EXPECT(viscera_probe_new(organ, radius, 0.3, &probes[k], NULL, 0) == VISCERA_OK);
+        EXPECT(viscera_probe_couple(probes[k], spring, 1) == VISCERA_OK);
+    }
+    EXPECT(viscera_probes_new(probes, 2, &group, NULL, 0) == VISCERA_OK);
+    for (int n = 0; n < 50; n++) viscera_probes_follow(group, devices, 1e-3, held, status);
+    EXPECT(status[0] == VISCERA_OK && held[0].force[2] < 0);
+    viscera_probe_lift(probes[0]);
+    EXPECT(viscera_probes_follow(group, devices, 1e-3, felt, status) == VISCERA_OK);
+    EXPECT(fabs(felt[0].force[2] - held[0].force[2]) < -0.05 * held[0].force[2]);
+    EXPECT(viscera_probes_follow(group, devices, -1e-3, felt, status) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_probes_follow(group, devices, 0, felt, status) == VISCERA_OK && status[0] == VISCERA_OK);
+    EXPECT(fabs(felt[1].force[2] - held[1].force[2]) < -0.05 * held[1].force[2]);
+    viscera_probes_free(group);
+    for (int k = 0; k < 2; k++) viscera_probe_free(probes[k]);
     return 0;
 }
 
@@ -62,7 +88,7 @@ int main(int argc, char **argv) {
     for (int k = 0; k < 2; k++) {
         EXPECT(viscera_probe_new(organ, info.radius, 0.3, &probes[k], NULL, 0) == VISCERA_OK);
     }
-    if (refusals(probes[0], info.radius, argv[1])) return 1;
+    if (refusals(probes[0], info.radius, argv[1]) || lifted(organ, info.radius)) return 1;
     for (int k = 0; k < 2; k++) viscera_probe_lift(probes[k]);
     EXPECT(viscera_probes_new(probes, 2, &group, NULL, 0) == VISCERA_OK);
 

@@ -360,8 +360,8 @@ static void probing(viscera_model *model) {
     EXPECT(isfinite(felt.center[0]) && isfinite(felt.gap));
     EXPECT(viscera_probe_lift(probe) == VISCERA_OK);
     EXPECT(viscera_probe_follow(probe, above, 1e-3, &felt) == VISCERA_OFF_SURFACE);
-    EXPECT(viscera_probe_follow(probe, above, -1e-3, &felt) == VISCERA_NOT_FINITE);
-    EXPECT(viscera_probe_follow(probe, far, NAN, &felt) == VISCERA_NOT_FINITE);
+    EXPECT(viscera_probe_follow(probe, above, -1e-3, &felt) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_probe_follow(probe, far, NAN, &felt) == VISCERA_BAD_SETTING);
     EXPECT(viscera_probe_place(probe, NULL, &felt) == VISCERA_NULL_POINTER && felt.force[2] == 0);
     EXPECT(viscera_probe_place(NULL, above, &felt) == VISCERA_NULL_POINTER);
     EXPECT(viscera_probe_place(probe, above, NULL) == VISCERA_NULL_POINTER);
@@ -370,6 +370,40 @@ static void probing(viscera_model *model) {
     viscera_probe_free(probe);
     viscera_probe_free(NULL);
     EXPECT(strstr(viscera_status_text(VISCERA_OFF_SURFACE), "nothing is touched") != NULL);
+}
+
+/* What a coupled probe makes of time steps that are none, and of a device that is in the organ at once. */
+static void following(viscera_model *model) {
+    const double far[3] = {0.5, 0.1, 1e3}, wrong[4] = {NAN, INFINITY, -INFINITY, -1e-3}, spring = 500;
+    double top[3];
+    viscera_info_t info;
+    viscera_probe *probe = NULL;
+    viscera_felt felt, held;
+    viscera_info(model, &info);
+    viscera_locate(model, far, top, NULL);
+    const double device[3] = {top[0] + 0.002, top[1], top[2] + 0.8 * info.radius};
+    const double deep[3] = {top[0], top[1], top[2] - info.radius};
+    EXPECT(viscera_probe_new(model, info.radius, 0.5, &probe, NULL, 0) == VISCERA_OK);
+    EXPECT(viscera_probe_couple(probe, spring, 1) == VISCERA_OK);
+    for (int n = 0; n < 2; n++) {
+        EXPECT(viscera_probe_follow(probe, device, 1e-3, &felt) == VISCERA_OK && felt.force[2] < 0);
+        EXPECT(fabs(spring * (device[2] - felt.center[2]) - felt.force[2]) < -1e-3 * felt.force[2]);
+        viscera_probe_lift(probe);
+    }
+    for (int n = 0; n < 100; n++) {
+        const double dragged[3] = {device[0] + 5e-5 * n, device[1], device[2]};
+        EXPECT(viscera_probe_follow(probe, dragged, 1e-3, &held) == VISCERA_OK);
+    }
+    for (int n = 0; n < 4; n++) {
+        EXPECT(viscera_probe_follow(probe, deep, wrong[n], &felt) == VISCERA_BAD_SETTING && felt.force[2] == 0);
+    }
+    const double same[3] = {device[0] + 5e-5 * 99, device[1], device[2]};
+    EXPECT(viscera_probe_follow(probe, same, 0, &felt) == VISCERA_OK);
+    EXPECT(held.force[0] > 0 && fabs(felt.force[0] - held.force[0]) < 0.01 * held.force[0]);
+    EXPECT(fabs(felt.force[2] - held.force[2]) < -0.01 * held.force[2]);
+    for (int n = 0; n < 300; n++) viscera_probe_follow(probe, deep, n ? 1e-3 : 0, &felt);
+    EXPECT(felt.force[2] < 0 && felt.grip != VISCERA_PROBE_FREE);
+    viscera_probe_free(probe);
 }
 
 int main(int argc, char **argv) {
@@ -381,6 +415,7 @@ int main(int argc, char **argv) {
     looking_inside(model);
     varying(model);
     probing(model);
+    following(model);
     overflowing(model);
     settings(model);
     viscera_free(model);

@@ -7,6 +7,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::MutexGuard;
+use viscera_core::Error;
 use viscera_core::reduced::{
     self, Beside, CONTACT_ERROR, Coupling, Decisive, Felt, Grip, ProbeGroup, ReducedModel, Trust,
     refused,
@@ -50,7 +51,7 @@ impl Probe {
     ) -> PyResult<Bound<'py, PyDict>> {
         let model = self.model.get();
         let felt = self.probe.claim()?.follow(&model.model, device, dt);
-        told(py, model, &felt)
+        told(py, model, &felt.ok_or_else(|| no_duration(dt))?)
     }
 
     fn lift(&self) -> PyResult<()> {
@@ -80,7 +81,7 @@ impl Probes {
         py: Python<'py>,
         centers: Vec<[f64; 3]>,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        self.step(py, |together, model, probes| together.place(model, probes, &centers))
+        self.step(py, |together, model, probes| Ok(together.place(model, probes, &centers)))
     }
 
     fn follow<'py>(
@@ -89,7 +90,9 @@ impl Probes {
         devices: Vec<[f64; 3]>,
         dt: f64,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        self.step(py, |together, model, probes| together.follow(model, probes, &devices, dt))
+        self.step(py, |together, model, probes| {
+            together.follow(model, probes, &devices, dt).ok_or_else(|| no_duration(dt))
+        })
     }
 }
 
@@ -101,15 +104,21 @@ impl Probes {
             &'a mut ProbeGroup,
             &ReducedModel,
             &mut [MutexGuard<'_, reduced::Probe>],
-        ) -> &'a [Felt],
+        ) -> PyResult<&'a [Felt]>,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let model = self.probes[0].get().model.get();
         let mut together = self.together.claim()?;
         let claimed = self.probes.iter().map(|probe| probe.get().probe.claim());
         let mut claimed = claimed.collect::<PyResult<Vec<_>>>()?;
-        let felt = step(&mut together, &model.model, &mut claimed);
+        let felt = step(&mut together, &model.model, &mut claimed)?;
         felt.iter().map(|felt| told(py, model, felt)).collect()
     }
+}
+
+fn no_duration(dt: f64) -> PyErr {
+    convert::error(Error::input(format!(
+        "the time step is {dt}; it must be at least 0 and finite [s]"
+    )))
 }
 
 fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py, PyDict>> {
@@ -118,7 +127,7 @@ fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py,
     let d = felt.displacement;
     let why = |trust: Trust, kind: &str, decisive: Decisive| match (felt.grip, trust) {
         (Grip::Inside, _) => "the probe came into the organ in one step; lift it off".to_string(),
-        (Grip::Lost, _) => "the pose or the time step is not a usable number".to_string(),
+        (Grip::Lost, _) => "the pose is not a usable number".to_string(),
         (_, Trust::BeyondDepth) => {
             format!(
                 "the probe has entered by {:.1} mm, deeper than the model serves",

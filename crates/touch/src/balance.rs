@@ -1,9 +1,9 @@
 //! The coupling of a probe to a device: it goes where spring, damper and tissue are in balance.
 
-use super::felt::Felt;
+use super::felt::{Felt, Grip};
 use super::model::ReducedModel;
-use super::press::within;
-use super::probe::{BEYOND, Coupling, Probe, Tried, is_finite};
+use super::press::{Press, within};
+use super::probe::{Anchor, BEYOND, Coupling, Probe, Tried, is_finite};
 use viscera_mesh::{dot, norm, sub};
 use viscera_number::tensor::{inverse, mul_vector};
 use viscera_number::unroll::tabulate;
@@ -16,6 +16,22 @@ const BALANCED: f64 = 1e-6;
 const EVEN: f64 = 1e-4;
 /// How far a probe moves at most in a tick when it follows a device, in units of its radius.
 const STRIDE: f64 = 0.25;
+/// Halvings of a range of depths.
+const HALVINGS: usize = 20;
+/// As stiff as a damper counts [N/m]: rigid beside any tissue, and not so stiff that rounding hides the force of the tissue.
+const RIGID: f64 = 1e10;
+
+impl Coupling {
+    /// Stiffness of the damper over a step of `dt >= 0` [N/m]; over one of no duration it is rigid.
+    fn rate(&self, dt: f64) -> f64 {
+        if self.damping > 0.0 { (self.damping / dt.abs()).min(RIGID) } else { 0.0 }
+    }
+}
+
+/// Whether a number is the duration of a step [s].
+pub(super) fn is_duration(dt: f64) -> bool {
+    dt >= 0.0 && dt.is_finite()
+}
 
 /// What draws a probe: a spring to a goal, which moves it by no more than a reach from its last place.
 struct Pull {
@@ -72,31 +88,102 @@ impl Tried {
 
 impl Probe {
     /// Draws the probe by its coupling to a device, `dt` seconds after the last step: the probe goes where coupling and
-    /// tissue are in balance, by at most a quarter of its radius. The force is that of the tissue.
-    pub fn follow(&mut self, model: &ReducedModel, device: [f64; 3], dt: f64) -> Felt {
-        if !(is_finite(device) && dt > 0.0 && dt.is_finite()) {
+    /// tissue are in balance, by at most a quarter of its radius. The force is that of the tissue. In a step of no duration
+    /// the damper takes the probe along with the device; without a damper the duration does not matter. The first step
+    /// begins where the probe would have touched first, and goes to the balance of spring and tissue alone.
+    ///
+    /// None, with the probe as it was, unless `dt` is at least 0 and finite.
+    pub fn follow(&mut self, model: &ReducedModel, device: [f64; 3], dt: f64) -> Option<Felt> {
+        is_duration(dt).then(|| self.drawn(model, device, dt))
+    }
+
+    /// The same for a `dt` that is a duration.
+    pub(super) fn drawn(&mut self, model: &ReducedModel, device: [f64; 3], dt: f64) -> Felt {
+        if !is_finite(device) {
             return self.lost(model);
         }
-        let (Some(Coupling { stiffness, damping }), Some(last)) =
-            (self.coupling, self.state.center)
-        else {
+        let Some(coupling) = self.coupling else {
             return self.place(model, device);
         };
-        let rate = damping / dt;
-        let total = stiffness + rate;
-        let drawn: [f64; 3] = std::array::from_fn(|i| {
-            (stiffness * device[i] + rate * (last[i] + device[i] - self.state.device[i])) / total
-        });
-        if !is_finite(drawn) {
+        let Some(last) = self.state.center else {
+            return self.drawn_first(model, device, coupling.stiffness);
+        };
+        let rate = coupling.rate(dt);
+        let total = coupling.stiffness + rate;
+        // The spring draws to the device, the damper along with its motion.
+        let moved = |i: usize| rate / total * (last[i] - self.state.device[i]);
+        let goal = std::array::from_fn(|i| device[i] + moved(i));
+        if !is_finite(goal) {
             return self.lost(model);
         }
-        let pull = Pull { goal: drawn, total, last, reach: STRIDE * self.radius };
-        let Some(Balance { tried, rest, .. }) = self.balance(model, &pull) else {
+        let pull = Pull { goal, total, last, reach: STRIDE * self.radius };
+        self.go(model, device, &pull)
+    }
+
+    /// The first step, in which only the spring draws. What has not touched before has dragged nothing: friction begins with
+    /// the next step, from the place where there is no force along the surface.
+    fn drawn_first(&mut self, model: &ReducedModel, device: [f64; 3], stiffness: f64) -> Felt {
+        let Some(last) = self.touch_first(model, device, stiffness) else {
+            return self.place(model, device);
+        };
+        let reach = norm(sub(device, last));
+        let pull = Pull { goal: device, total: stiffness, last, reach };
+        let friction = std::mem::take(&mut self.friction);
+        let felt = self.go(model, device, &pull);
+        self.friction = friction;
+        match felt.grip {
+            // A probe whose device is in the organ touches it.
+            Grip::Free => self.doubt(felt, 1.0),
+            _ => felt,
+        }
+    }
+
+    /// Goes to the balance of a pull with the tissue.
+    fn go(&mut self, model: &ReducedModel, device: [f64; 3], pull: &Pull) -> Felt {
+        let Some(Balance { tried, rest, .. }) = self.balance(model, pull) else {
             return self.lost(model);
         };
         let felt = self.take(model, tried, rest);
         self.state.device = device;
         felt
+    }
+
+    /// Begins a touch with a device that is in the organ already: the nearest place of the probe outside, from where on it
+    /// holds the point that it touches there. None where it would not touch.
+    fn touch_first(
+        &mut self,
+        model: &ReducedModel,
+        device: [f64; 3],
+        stiffness: f64,
+    ) -> Option<[f64; 3]> {
+        let tried = self.attempt(model, device)?;
+        let Anchor { triangle, .. } = tried.anchor?;
+        let outside = std::array::from_fn(|i| device[i] - tried.felt.gap * tried.normal[i]);
+        let foot = model.walk(triangle, sub(outside, self.carried));
+        self.state.anchor = Some(Anchor { point: foot.point, triangle: foot.triangle });
+        let out = -tried.felt.gap - self.depth_of_balance(model, &tried, stiffness);
+        let begin = std::array::from_fn(|i| device[i] + out * tried.normal[i]);
+        self.balanced.get_or_insert(begin);
+        Some(outside)
+    }
+
+    /// How far the probe enters until a spring to a pose that was tried bears the tissue, if that presses in proportion to the
+    /// depth of the patch: where Newton's method begins, which from the deep would need more poses.
+    fn depth_of_balance(&self, model: &ReducedModel, tried: &Tried, stiffness: f64) -> f64 {
+        let deepest = self.deepest(model);
+        let patch =
+            |entered: f64| Press::new(model, self.radius, entered.min(deepest), tried.normal).depth;
+        let whole = -tried.felt.gap;
+        let per = -dot(tried.felt.force, tried.normal) / patch(whole);
+        let (mut low, mut high) = (0.0, whole);
+        for _ in 0..HALVINGS {
+            let entered = 0.5 * (low + high);
+            match stiffness * (whole - entered) > per * patch(entered) {
+                true => low = entered,
+                false => high = entered,
+            }
+        }
+        0.5 * (low + high)
     }
 
     /// Newton's method for the place where pull and tissue are in balance, from the last one on; the place where they are

@@ -14,7 +14,7 @@ pub enum Grip {
     Slides,
     /// It has come into the organ in one step. There is no force until it has been lifted off.
     Inside,
-    /// The pose or the time step is not a usable number. The probe stays where it was.
+    /// The pose is not a usable number. The probe stays where it was.
     Lost,
 }
 

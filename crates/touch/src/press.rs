@@ -25,12 +25,13 @@ const LEAN: f64 = 4.0;
 /// A sphere pressed into the surface along a normal.
 pub(super) struct Press {
     pub normal: [f64; 3],
-    /// Part of the motion of the sphere that the patch follows, its derivative by how far the sphere has entered, and the
-    /// derivative of the depth of the patch.
+    /// Part of the motion of the sphere that the patch follows, its derivative by how far the sphere has entered, and that of
+    /// the depth of the patch.
     share: f64,
     growth: f64,
     slope: f64,
-    depth: f64,
+    /// How deep the patch is pressed in [m].
+    pub depth: f64,
     /// The drag is at most this long [m]. It vanishes, and with it its force, as the sphere leaves the surface, however large
     /// the friction.
     pub longest: f64,

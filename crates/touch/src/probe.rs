@@ -55,7 +55,7 @@ pub struct Coupling {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Probe {
     pub(super) radius: f64,
-    friction: f64,
+    pub(super) friction: f64,
     tolerance: f64,
     pub(super) coupling: Option<Coupling>,
     pub(super) state: State,
@@ -80,9 +80,9 @@ pub(super) struct State {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Anchor {
     /// The point of the surface that is held.
-    point: [f64; 3],
+    pub(super) point: [f64; 3],
     /// The triangle below the centre.
-    triangle: usize,
+    pub(super) triangle: usize,
 }
 
 /// A pose tried, before it is taken.

@@ -6,6 +6,7 @@
 //! exact in linear elasticity; what large strains add is part of the estimate. A tick finds the common equilibrium by a
 //! sweep or two over the probes, from the touches of the last tick.
 
+use super::balance::is_duration;
 use super::contact::Contact;
 use super::evaluate::Trust;
 use super::felt::{Felt, Grip};
@@ -67,7 +68,7 @@ impl ProbeGroup {
     }
 
     /// Draws all probes by their couplings to devices, `dt` seconds after the last step, as [`Probe::follow`]. It allocates
-    /// nothing.
+    /// nothing. None, with all as they were, unless `dt` is at least 0 and finite.
     ///
     /// # Panics
     /// As [`ProbeGroup::place`].
@@ -77,8 +78,9 @@ impl ProbeGroup {
         probes: &mut [impl DerefMut<Target = Probe>],
         devices: &[[f64; 3]],
         dt: f64,
-    ) -> &[Felt] {
-        self.step(model, probes, |k, probe| probe.follow(model, devices[k], dt))
+    ) -> Option<&[Felt]> {
+        is_duration(dt)
+            .then(|| self.step(model, probes, |k, probe| probe.drawn(model, devices[k], dt)))
     }
 
     fn step(

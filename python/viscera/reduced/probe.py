@@ -173,7 +173,9 @@ class RigidProbe(Immutable):
         """Draw the sphere by its coupling towards a device at (3,) [m], `dt` seconds after the last step.
 
         The sphere goes where spring, damper and tissue are in balance, by at most a quarter of its radius. The force is
-        that of the tissue. Without a coupling the sphere is where the device is.
+        that of the tissue. Without a coupling the sphere is where the device is. The first step of a new or lifted
+        sphere begins outside, and goes at once to the balance of spring and tissue; friction begins after it. In a step
+        of no duration, `dt = 0`, the damper takes the sphere along with the device.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -186,7 +188,7 @@ class RigidProbe(Immutable):
         True
         """
         pose = vector(device, "the position of a device", "m").tolist()
-        return self._felt(self._core.follow(pose, Number(above=0)(dt, "the time step")))
+        return self._felt(self._core.follow(pose, Number(low=0.0)(dt, "the time step")))
 
     def lift(self) -> None:
         """Take the sphere from the organ. The next place is a first one, so it must be outside.
@@ -295,7 +297,7 @@ class Probes(Immutable):
         True
         """
         poses = self._vectors(devices, "the positions of the devices")
-        return self._told(self._core.follow(poses.tolist(), Number(above=0)(dt, "the time step")))
+        return self._told(self._core.follow(poses.tolist(), Number(low=0.0)(dt, "the time step")))
 
     @property
     def displacement(self) -> Floats:
