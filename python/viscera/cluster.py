@@ -24,6 +24,7 @@ from uuid import uuid4
 
 from viscera.errors import VisceraError
 from viscera.progress import Progress, shown
+from viscera.quantity import refused
 
 Shared = TypeVar("Shared")
 Task = TypeVar("Task")
@@ -85,6 +86,8 @@ def sweep(
     ...     sweep(pow, 2, [3, 5, 1], executor=pool)
     [8, 32, 2]
     """
+    if not callable(work):
+        raise refused("the work of a sweep", "a function of what the tasks share and of a task", work)
     if not isinstance(tasks, Iterable):
         raise VisceraError(f"the tasks of a sweep must be a sequence of what `work` takes one by one, got {tasks!r}")
     each = list(tasks)
@@ -210,10 +213,13 @@ def _dumped(value: Any, name: str) -> bytes:
     try:
         return pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
     except _UNPICKLABLE as error:
-        raise VisceraError(
-            f"{name} cannot travel to another process ({error}): a function must stand at the top of a module, "
-            "so no lambda and none within another; or take threads"
-        ) from error
+        is_code = callable(value) or "function" in str(error) or "local object" in str(error)
+        hint = (
+            "a function must stand at the top of a module, so no lambda and none within another"
+            if is_code
+            else ("send what it is made of, and make it in the work")
+        )
+        raise VisceraError(f"{name} cannot travel to another process ({error}): {hint}; or take threads") from error
 
 
 def _do(attempt: int, work: Callable[[Any, Any], Any], name: str, data: bytes | None, task: Any) -> Reply:

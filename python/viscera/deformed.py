@@ -167,8 +167,9 @@ class Deformed(Sealed):
         its = its or among_those_of_a_model(support, organ)
         if not its:
             raise VisceraError(
-                f"{support!r} is no elastic support of this organ; see the `supports` it was made with, and ask the "
-                "state, the frame or the answer of the whole scene for what joins its organs"
+                f"{support!r} is no elastic support of this organ: name one that it was made with, of a pickled state "
+                "the one pickled with it, as in (state, support), and ask the state, the frame or the answer of the "
+                "whole scene for what joins its organs"
             )
         if any(ties.surfaces for ties in its):
             raise VisceraError(f"{support!r} is a contact pair; `contact` gives its force")
@@ -213,8 +214,10 @@ class Deformed(Sealed):
         return von_mises(self._stress("cauchy", at))
 
     def energy_density(self, at: str = "cells") -> Floats:
-        """Strain energy (m,) [J/m^3] per volume at rest; times the cells' volumes it adds up to `energy`.
+        """Strain energy (m,) [J/m^3] per volume at rest.
 
+        Times the cells' volumes it adds up to the strain energy: `energy` of a state has that of supports, bonds and
+        springs, too, and that of an answer is what the touch adds, by the model's force.
         at: as in `stress`; nodes get the mean of the cell means, which is never negative. In an inverted cell most laws
         have no energy: refused, as such a stress. So is that of a frame of tissue that relaxes: what it stores depends
         on its past, which a frame does not hold.

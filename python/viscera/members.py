@@ -16,14 +16,21 @@ if TYPE_CHECKING:
     from viscera.mesh import Floats, Indices, Where
 
 
-def members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floats, noun: str) -> Indices:
-    """The nodes or cells that a set's name, a condition, indices or a predicate on their places (k, 3) select."""
+def members(
+    where: Where, sets: Mapping[str, Indices], places: Floats, box: Floats, noun: str, count: int | None = None
+) -> Indices:
+    """The nodes or cells that a set's name, a condition, indices or a predicate on their places (k, 3) select.
+
+    count: how many a set may name, if not k.
+    """
+    count = len(places) if count is None else count
     if isinstance(where, str) and where in sets:
-        return sets[where]
+        return of_set(where, sets, count, noun)
     if isinstance(where, str):
         if not is_condition(where):
             raise VisceraError(f"the mesh has no {noun} set {brief(where)}; {did_you_mean(where, sets)}")
-        found = np.flatnonzero(conditional(places, where, box, sets, noun))
+        known = {name: of_set(name, sets, count, noun) for name in sets}
+        found = np.flatnonzero(conditional(places, where, box, known, noun))
         if len(found) == 0:
             raise VisceraError(f"{brief(where)} selects no {noun}; {extent(box)}")
         return found.astype(np.uint32)
@@ -44,6 +51,13 @@ def members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floa
             raise VisceraError(f"the predicate selects no {noun}; the {of} lie between {low} and {high} m")
         return found.astype(np.uint32)
     return indices_of(where, len(places), f"the {noun} set", noun)
+
+
+def of_set(name: str, sets: Mapping[str, Any], count: int, noun: str) -> Indices:
+    """The members of a set, one that a caller has put among the sets as indices of any kind or as a mask included."""
+    held = sets[name]
+    is_ours = isinstance(held, np.ndarray) and held.dtype == np.uint32 and not held.flags.writeable
+    return held if is_ours else indices_of(held, count, f"the {noun} set {name!r}", noun)
 
 
 def words_of(where: Any, noun: str = "node") -> list[str] | None:

@@ -149,7 +149,7 @@ class Mesh(Pictured):
             return self._nodes_within(*part)
         where = listed_in(where, self.sets)
         places = self.points[: self.n_corners] if isinstance(where, str) else self.points
-        found = members(where, self.sets, places, self.bounding_box, "node")
+        found = members(where, self.sets, places, self.bounding_box, "node", len(self.points))
         is_chosen = callable(where) or (isinstance(where, str) and where in self.sets)
         names_corners_alone = not is_chosen and found[-1] < self.n_corners
         return _with_midpoints(found, self.edges, self.n_corners) if names_corners_alone else found
@@ -172,7 +172,7 @@ class Mesh(Pictured):
 
     def _nodes_within(self, name: str, words: str) -> Indices:
         """The nodes of a set that words select, as if the set were a mesh of its own."""
-        inside = self.sets[name]
+        inside = self.nodes(name)
         corners = inside[inside < self.n_corners]
         own = sets_within(name, self.sets, corners)
         chosen = listed_in(words, own)
@@ -182,7 +182,7 @@ class Mesh(Pictured):
 
     def _cells_within(self, name: str, words: str) -> Indices:
         """The cells of a set that words select, as if the set were a mesh of its own."""
-        inside = self.cell_sets[name]
+        inside = self.cells_in(name)
         own = sets_within(name, self.cell_sets, inside)
         box = _box_of(self.points[self.cells[inside].ravel()])
         return np.asarray(inside[members(listed_in(words, own), own, self.centroids[inside], box, "cell")])

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera import cluster
+from viscera import _core, cluster
 from viscera.reduced.checkpoint import Batches, Checkpoint
 from viscera.reduced.offline import Offline
 from viscera.reduced.regions import positions_of, regions_of
@@ -118,6 +118,11 @@ def test_what_cannot_travel_is_named(pool: Executor) -> None:
     ):
         with pytest.raises(vs.VisceraError, match=named):
             vs.sweep(work, shared, [task], executor=pool)
+    with pytest.raises(vs.VisceraError, match="the work of a sweep must be a function"):
+        vs.sweep(3, [21], [1], executor=pool)  # type: ignore[arg-type]
+    surface: Any = _core.Surface(np.eye(3), np.array([[0, 1, 2]], dtype=np.uint32))
+    with pytest.raises(vs.VisceraError, match=r"task 0 cannot travel .*: send what it is made of"):
+        vs.sweep(twice, [21], [surface], executor=pool)
     with pytest.raises(TypeError, match="not subscriptable"):
         vs.sweep(twice, 21, [1], executor=pool)  # type: ignore[arg-type]
     with ThreadPoolExecutor(1) as threads:

@@ -87,6 +87,15 @@ def test_a_model(bar: vs.Mesh, again: Callable[[Any], Any]) -> None:
 
 
 @copies
+def test_a_contact_patch(organ: vs.Organ, again: Callable[[Any], Any]) -> None:
+    patch = organ.patch((0.4, 0.05, 0.1), "4 cm")
+    other = again(patch)
+    state = organ.solve(displacement={patch: (0, 0, "-1 mm")})
+    assert state.reaction(other).tolist() == state.reaction(patch).tolist()
+    assert organ.solve(displacement={other: (0, 0, "-1 mm")}).energy == state.energy
+
+
+@copies
 def test_a_state_with_the_patch_that_it_moved(organ: vs.Organ, again: Callable[[Any], Any]) -> None:
     patch = organ.patch((0.4, 0.05, 0.1), "4 cm")
     state = organ.solve(displacement={patch: (0, 0, "-1 mm")})

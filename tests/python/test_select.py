@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -214,3 +214,28 @@ def test_a_motion_in_words_is_limited_as_in_numbers(bar: vs.Mesh) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e4, poisson=0.3), fixed="root")
     with pytest.raises(VisceraError, match=re.escape("must be a number from -1000 to 1000 [m], got '2000 m'")):
         organ.solve(displacement={"tip": (0, 0, "2000 m")})
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.uint32, bool, list])
+def test_a_set_that_is_put_among_the_others_is_read_as_indices(bar: vs.Mesh, kind: Any) -> None:
+    """As scripts do: `flatnonzero` gives wide integers."""
+    is_root = bar.points[:, 0] == bar.points[:, 0].min()
+    nodes = np.flatnonzero(is_root)
+    mesh = bar.with_sets(tip="x > 99%").with_cell_sets(low="z < 50%")
+    sets, cell_sets = cast("dict[str, Any]", mesh.sets), cast("dict[str, Any]", mesh.cell_sets)
+    sets["wall"] = is_root if kind is bool else nodes.tolist() if kind is list else nodes.astype(kind)
+    cell_sets["half"] = mesh.cells_in("x < 50%").astype(np.int64)
+    organ = vs.Organ(mesh, vs.NeoHookean(young=1e5, poisson=0.3), fixed="wall")
+    assert np.array_equal(organ.fixed, nodes)
+    assert mesh.nodes("wall").dtype == mesh.cells_in("half").dtype == np.uint32
+    assert np.array_equal(mesh.nodes("wall/z > 50%"), mesh.nodes("wall and z > 50%"))
+    model = organ.reduce("tip", depth="2%", order=2)
+    assert np.array_equal(model.mesh.nodes("wall"), nodes)
+    assert np.array_equal(model.mesh.cells_in("half"), mesh.cells_in("half"))
+
+
+def test_a_set_of_nodes_that_are_not_there_is_refused_by_name(bar: vs.Mesh) -> None:
+    mesh = bar.with_sets(tip="x > 99%")
+    cast("dict[str, Any]", mesh.sets)["wall"] = np.array([0, len(mesh.points)])
+    with pytest.raises(vs.VisceraError, match=r"the node set 'wall' names node \d+, but the mesh has \d+ nodes"):
+        mesh.nodes("wall")

@@ -47,6 +47,7 @@ def test_the_surface_alone_says_what_it_lacks(touch: vs.Touch) -> None:
     asked: list[Callable[[], object]] = [
         lambda: alone.mesh,
         lambda: alone.organ(),
+        lambda: alone.galerkin(),
         lambda: alone.check(touches=1),
         lambda: alone(POINT, (0, 0, -1e-3)).stress(),
         lambda: alone(("10 cm", "50%", "10 cm"), (0, 0, -1e-3)),

@@ -102,11 +102,12 @@ def notes(mesh: Mesh, start: State | None) -> dict[str, Any]:
     axes, and whether it is without the loads of its scan; of the state that touches start from, if that is the one
     under these loads."""
     kept: dict[str, Any] = {}
-    corners = {name: nodes[nodes < mesh.n_corners] for name, nodes in mesh.sets.items()}
+    sets = {name: mesh.nodes(name) for name in mesh.sets}
+    corners = {name: nodes[nodes < mesh.n_corners] for name, nodes in sets.items()}
     if corners:
         kept["sets"] = {name: _packed(nodes, mesh.n_corners) for name, nodes in corners.items()}
     if mesh.cell_sets:
-        kept["cell_sets"] = {name: _packed(cells, len(mesh.cells)) for name, cells in mesh.cell_sets.items()}
+        kept["cell_sets"] = {name: _packed(mesh.cells_in(name), len(mesh.cells)) for name in mesh.cell_sets}
     if mesh.axes:
         kept["axes"] = mesh.axes
     if mesh.is_unloaded:

@@ -161,7 +161,7 @@ def _landmarks(
     unknown = [name for name in landmarks if name not in mesh.sets]
     if unknown:
         raise VisceraError(f"no node set is called {brief(unknown[0])}; {did_you_mean(str(unknown[0]), mesh.sets)}")
-    sets = [mesh.sets[name].astype(np.int64) for name in landmarks]
+    sets = [mesh.nodes(name).astype(np.int64) for name in landmarks]
     members = [(nodes, np.full(len(nodes), 1.0 / len(nodes))) for nodes in sets]
     measured = [place_of(place, f"landmark {name!r}") for name, place in landmarks.items()]
     return tuple(landmarks), members, np.array(measured).reshape(-1, 3)
