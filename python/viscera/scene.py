@@ -12,7 +12,7 @@ import numpy as np
 
 from viscera import _core
 from viscera import law as laws
-from viscera.boundary.bond import Bond, Pieces
+from viscera.boundary.bond import TURNED, Bond, Pieces
 from viscera.boundary.spring import Spring
 from viscera.boundary.ties import Tied, Ties
 from viscera.contact.pair import ContactPair, refuse_overlap, refuse_same
@@ -297,6 +297,21 @@ class Scene(Organ):
             message = message.replace(f"contact pair {number} ", f"{pair!r} ")
         return message
 
+    def _doubt_of_bonds(self, displacement: Floats) -> str:
+        """What sliding bonds do not do for their surfaces have turned, in words; empty if they have not."""
+        found = []
+        for own in self.supports:
+            if isinstance(own, Placed) and own.slides:
+                angle = own.slides.turned(self.mesh.points, displacement)
+                found += [f"those of {own.origin!r} by {angle:.0f} degrees"] if angle > TURNED else []
+        if not found:
+            return ""
+        return (
+            f"the surfaces of sliding bonds have turned, {', '.join(found)}, and these keep the normals of rest: they "
+            "give way across the surfaces and hold along them; take a ContactPair, which turns with them but may "
+            "open, or a bond that does not slide"
+        )
+
     def _touching(self, given: ContactPair | Placed) -> Placed:
         """A contact pair with its surfaces; one that is kept has those it had, and the reach of this shape."""
         if isinstance(given, Placed) and isinstance(given.origin, ContactPair):
@@ -361,6 +376,11 @@ class Placed:
     def ties(self, mesh: Mesh) -> Ties:
         """Its samples."""
         return self.found
+
+    @property
+    def slides(self) -> Pieces | None:
+        """The pieces of a sliding bond."""
+        return self.pieces if isinstance(self.origin, Bond) and self.origin.sliding else None
 
     def on(self, mesh: Mesh) -> Placed:
         """The same: a scene of another shape finds the samples anew, of a bond on the pieces kept."""

@@ -117,7 +117,8 @@ class State(Deformed, Pictured):
         inside_out = self._inside_out()
         if inside_out and not self._response.is_linear:
             inside_out += ", and files hold no stress"
-        return "; ".join(filter(None, (self._told, inside_out)))
+        organ, displacement = self._from_rest()
+        return "; ".join(filter(None, (self._told, inside_out, organ._doubt_of_bonds(displacement))))
 
     @property
     def max_displacement(self) -> float:

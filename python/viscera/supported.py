@@ -102,6 +102,10 @@ class Supported(Immutable, Pictured):
             if present:
                 raise VisceraError(f"a series does not know {what}, or solve in load steps")
 
+    def _doubt_of_bonds(self, displacement: Floats) -> str:
+        """What bonds do not do at a displacement, in words; an organ alone has none."""
+        return ""
+
     def __repr__(self) -> str:
         size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"
         held = [f"{len(self.fixed)} fixed nodes"] if len(self.fixed) or not self.supports else []

@@ -349,3 +349,17 @@ def test_a_random_tool_keeps_out_and_the_energy_balance_holds(shape: str, monkey
         soak.frame()
     assert soak.tally.touched > 20
     assert soak.tally.wrong() == []
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5, "bonded"])
+def test_the_gap_is_that_of_the_surface_however_the_tool_rubs(bar: vs.Mesh, friction: Any) -> None:
+    """Of the nodes, where a plate presses a bar on its whole top."""
+    high, turned = bar.points[:, 2].max(), (np.pi, 0, 0)
+    organ = vs.Organ(bar, vs.NeoHookean(young=2e4, poisson=0.3), fixed="z < 1%")
+    at = (0, 0, high + 1e-4)
+    tool = vs.Tool(vs.HalfSpace(), position=at, rotation=turned, displacement=(0, 0, -0.005), friction=friction)
+    state = organ.solve(contact=[tool], throw=True)
+    top = bar.nodes("z > 99%")
+    gaps = at[2] - 0.005 - (bar.points + state.displacement)[top, 2]
+    assert state.contact(tool).force[2] < 0.0
+    assert state.contact(tool).gap == pytest.approx(gaps.min(), rel=0.3)

@@ -337,3 +337,20 @@ def test_an_organ_comes_down_on_a_table(cube: vs.Mesh, gap: float) -> None:
 
     moved = rests(gap).displacement + np.array([0.0, 0.0, gap])
     assert abs(moved - rests(0.0).displacement).max() < 1e-6
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_the_residual_of_what_supports_and_springs_alone_load_is_relative_to_their_forces(element: str) -> None:
+    """A tightened spring between two blocks on supports: their forces are in balance with those of the tissue."""
+    mesh = block(2)
+    law = vs.NeoHookean(young=1e6, poisson=0.3)
+    low = vs.Organ(mesh, law, supports=[vs.ElasticSupport("z < 1%", 1e5)], element=element)
+    bed = vs.ElasticSupport("z > 99%", 2e5, tangential=1e4)
+    high = vs.Organ(vs.mesh(mesh.points + np.array([0.05, 0.2, 0.3]), mesh.cells), law, supports=[bed], element=element)
+    spring = vs.Spring("low/z > 99%", "high/z < 1%", stiffness=300, length=0.05)
+    scene = vs.Scene({"low": low, "high": high}, bonds=[spring])
+    state = scene.solve(throw=True)
+    assert state.residuals[-1][-1] < 1e-8
+    assert "rounding" not in state.message
+    frame = scene.stepper(iterations=30, settled=1e-9).frame()
+    assert abs(frame.displacement - state.displacement).max() < 1e-6 * abs(state.displacement).max()

@@ -28,6 +28,9 @@ Side: TypeAlias = str | tuple[str, Where]
 DEEPEST = 0.5
 """How deep a surface may be in the other, over the height of the lower of the cells behind them. Deeper, it is the far
 side of something thin, seen through both bodies (`DEEPEST` in `pieces.rs`, of contact pairs)."""
+TURNED = 15.0
+"""Angle [degrees] by which the surfaces of a sliding bond may turn without a word: its force along their normal is a
+cosine less, 3 %, and a sine of it is along them."""
 STIFFNESS = 100.0
 """Stiffness factor of a bond. An interface under a stress `s` opens by `s / E` of a hundredth of a cell's height."""
 FACTOR = Number(above=0)
@@ -44,6 +47,14 @@ class Pieces:
     """(p, 3, 2, 3) by corner of the piece: its barycentric coordinates in each of the two faces."""
     shares: Floats
     """(p,) area over that of the face of the first surface."""
+
+    def turned(self, points: Floats, displacement: Floats) -> float:
+        """Angle [degrees] between the normals of the first surface at rest and deformed, as the root of its mean square
+        over the pieces by area."""
+        areas, normals = areas_and_normals(points, self.sides[0])
+        _, now = areas_and_normals(points + displacement, self.sides[0])
+        angles = np.degrees(np.arccos(np.clip(np.einsum("pi,pi->p", normals, now), -1.0, 1.0)))
+        return float(np.sqrt(np.average(angles**2, weights=areas * self.shares)))
 
 
 class Bond(Immutable):

@@ -135,8 +135,8 @@ class Contact(Sealed):
     area: float
     """Area of contact [m^2], of the surface at rest."""
     gap: float
-    """Smallest distance [m] of the tool from the surface; negative if the tool has entered the layer. Infinite if a
-    bonded tool holds the whole surface."""
+    """Smallest distance [m] of the tool from the surface, also of what a bonded tool holds; negative if the tool has
+    entered the layer."""
     energy: float
     """Energy [J] stored in the layer and in the springs of friction."""
     dissipation: float

@@ -195,7 +195,10 @@ impl ActiveTool {
         self.gap = f64::INFINITY;
         for &sample in &self.kept {
             if let Some(anchor) = self.bond(sample) {
-                self.touching.push(self.bonded(sample, samples.place(sample, u), anchor));
+                let x = samples.place(sample, u);
+                let distance = self.distance(&self.pose, x);
+                self.gap = self.gap.min(distance.gap);
+                self.touching.push(self.bonded(sample, x, anchor, distance.normal));
             }
         }
         let out_of_layer = samples.out_of_layer(self.tool.stiffness);
@@ -317,12 +320,11 @@ impl ActiveTool {
     }
 
     /// A sample tied across the surface as well as along it.
-    fn bonded(&self, sample: usize, x: [f64; 3], anchor: Anchor) -> Touching {
+    fn bonded(&self, sample: usize, x: [f64; 3], anchor: Anchor, normal: [f64; 3]) -> Touching {
         let area = self.areas[sample];
         let stiffness = area * self.samples.layer(sample, self.tool.stiffness).stiffness;
         let point = self.pose.outward(anchor.point);
         let stretch = sub(x, point);
-        let normal = self.distance(&self.pose, x).normal;
         let force = stretch.map(|s| -stiffness * s);
         Touching {
             sample,

@@ -30,6 +30,10 @@ pub(super) enum Cut {
         residual: f64,
         tolerance: f64,
     },
+    /// The equilibria on the pieces that the surfaces of contact pairs share do not come to rest as these are found anew.
+    Pieces {
+        residual: f64,
+    },
     Factor(FactorError),
     /// A tool went into the body between the samples of its surface.
     Entered {
@@ -202,6 +206,11 @@ impl Ending {
                 way_on(problem)
             ),
             (None, Some(_), _) => format!("; {}", way_on(problem)),
+            (None, None, Some(Cut::Pieces { .. })) => {
+                "; what touches is small beside the triangles there, as where nodes of two coarse curved surfaces meet: make \
+                 these finer, or give the pair a little friction, such as 0.01, with which the pieces stay"
+                    .to_string()
+            }
             (None, None, &Some(Cut::Iterations { residual, tolerance }))
                 if residual < NEAR * tolerance =>
             {
@@ -241,6 +250,9 @@ impl Cut {
             Cut::Iterations { residual, .. } => {
                 format!("too many iterations (relative residual {residual:.1e})")
             }
+            Cut::Pieces { residual } => format!(
+                "the surfaces of a contact pair swing between the pieces that they share (relative residual {residual:.1e})"
+            ),
             Cut::Entered { tool, shape } => format!(
                 "tool {tool}, {shape}, goes into the organ between the samples of its surface; give the surface \
                  shorter edges there, or take a blunter tool"

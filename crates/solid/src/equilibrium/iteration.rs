@@ -118,6 +118,11 @@ impl Rounding {
         Rounding { force: part * self.force, energy: part * self.energy }
     }
 
+    /// Whether loads of this norm are rounding: those of a body that nothing loads.
+    pub fn is_all_of(&self, loads: f64) -> bool {
+        loads <= self.force
+    }
+
     /// A residual relative to the norm of the loads; it is within `tolerance` if it is rounding.
     pub fn relative(&self, residual: f64, loads: f64, tolerance: f64) -> f64 {
         let scale = loads.max(self.force / tolerance);

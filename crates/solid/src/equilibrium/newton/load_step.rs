@@ -135,7 +135,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         }
         // What the last new pieces began with.
         self.residual()?;
-        Err(Cut::Iterations { residual: self.norm, tolerance })
+        Err(Cut::Pieces { residual: self.norm })
     }
 
     /// Relative residual to which conjugate gradients that were chosen automatically solve a linear system: part of what
@@ -236,7 +236,7 @@ impl Iteration for LoadStep<'_, '_> {
         run.add_stiffness_of_loads(u, *load);
         run.seconds.assembly += clock.elapsed().as_secs_f64();
         let told;
-        (self.residual, told, self.norm) = run.residual(force, &external, &self.multipliers);
+        (self.residual, told, self.norm) = run.residual(u, force, &external, &self.multipliers);
         if self.steps == 0 || self.is_led {
             return Ok(f64::INFINITY); // an equilibrium, but of another load
         }

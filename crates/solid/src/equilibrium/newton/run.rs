@@ -291,10 +291,12 @@ impl<'a> Run<'a> {
         !patches.is_empty() || prescribed.iter().any(|&(dof, v)| v != self.start[dof as usize])
     }
 
-    /// `f_int - f_ext - W^T F`, zero where a displacement is prescribed; its norm relative to that of all nodal forces; the
-    /// same for the iteration, within its tolerance if the residual is rounding.
+    /// `f_int - f_ext - W^T F` at `u`, zero where a displacement is prescribed; its norm relative to that of all nodal forces;
+    /// the same for the iteration, within its tolerance if the residual is rounding. Those of supports and springs count by
+    /// themselves: what they balance is in `f_int`, too.
     pub(super) fn residual(
         &self,
+        u: &[f64],
         force: &[f64],
         external: &[f64],
         multipliers: &[f64],
@@ -309,10 +311,15 @@ impl<'a> Run<'a> {
         }
         self.problem.prescribed.iter().for_each(|&(dof, _)| out[dof as usize] = 0.0);
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let loads = square(force).max(square(external)).sqrt();
+        let tied = self.body().ties().map_or(0.0, |ties| {
+            let mut tied = vec![0.0; u.len()];
+            ties.add_internal_force(u, &mut tied);
+            square(&tied)
+        });
+        let loads = square(force).max(square(external)).max(tied).sqrt();
         let size = square(&out).sqrt();
-        let told = if loads > 0.0 { size / loads } else { 0.0 };
         let norm = self.rounding.relative(size, loads, self.settings.tolerance);
+        let told = if self.rounding.is_all_of(loads) { norm } else { size / loads };
         (out, told, norm)
     }
 

@@ -169,3 +169,19 @@ fn a_cell_that_no_frame_would_leave_so_is_told() {
         assert!(said.ends_with("iterations"), "{said}");
     }
 }
+
+#[test]
+fn surfaces_that_swing_are_told_with_what_keeps_their_pieces() {
+    let body = bulky(2.0);
+    let said = stopped(Cut::Pieces { residual: 0.63 }).message(&problem(&body, clamped(&body)));
+    assert!(
+        said.contains(
+            "swing between the pieces that they share (relative residual 6.3e-1); what touches"
+        ),
+        "{said}"
+    );
+    assert!(
+        said.ends_with("a little friction, such as 0.01, with which the pieces stay"),
+        "{said}"
+    );
+}
