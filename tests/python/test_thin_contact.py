@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from tests.conftest import block
@@ -84,3 +86,9 @@ def test_a_sliding_bond_whose_surfaces_have_turned_says_so(degrees: int, is_told
         state = scene.solve(displacement=held, start=turned, throw=True)
         told = f"have turned, those of Bond(lower, upper, sliding) by {degrees} degrees"
         assert (told in state.message) == (is_told and sliding)
+        stepper = scene.stepper(held, start=state, iterations=20)
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            stepper.frame(held)
+            stepper.frame(held)
+        assert [told in str(each.message) for each in warned] == [True] * (is_told and sliding), "once"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -73,6 +74,7 @@ class Stepper:
         self._pressure: Pressures = {}
         self._faces: dict[Any, Indices] = {}
         self._fault: str | None = None
+        self._has_warned = False
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
         self._time_step: float | None = settings["time_step"]
@@ -88,6 +90,12 @@ class Stepper:
             "a stepper can be neither copied nor pickled, nor can its tools, hands and forceps, nor frames with them; "
             "keep the organ and an array such as frame.displacement, and go on with organ.stepper(start=...)"
         )
+
+    def _warn_of_bonds(self, displacement: Floats) -> None:
+        """Warns once of what sliding bonds no longer do."""
+        if not self._has_warned and (told := self._organ._doubt_of_bonds(displacement)):
+            self._has_warned = True
+            warnings.warn(told, stacklevel=3)
 
     @property
     def displacement(self) -> Floats:
@@ -278,6 +286,7 @@ class Stepper:
         felt = dict(zip(self._tools, told, strict=True))
         pairs = self._organ._contact_pairs
         self._fault = gpu.report(result["device_fault"], self._fault)
+        self._warn_of_bonds(result["displacement"])
         return Frame(
             displacement=result["displacement"],
             residual=result["residual"],
