@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.output import state as statefile
 from viscera.reduced.galerkin import Galerkin
 
 LEFT, RIGHT = (0.3, 0.05, 0.1), (0.15, 0.04, 0.1)
@@ -195,7 +196,7 @@ def test_bad_touches_are_refused_in_a_sentence(fingers: Galerkin, touches: Any, 
         fingers.solve(touches)
 
 
-def test_a_search_that_runs_out_of_time_goes_on_in_the_next(fingers: Galerkin) -> None:
+def test_a_search_that_runs_out_of_time_goes_on_in_the_next(fingers: Galerkin, tmp_path: Path) -> None:
     grasp = fingers.grasp([LEFT, RIGHT])
     whole = grasp.solve(PUSHES)
     late = grasp.solve(PUSHES, budget=0.0)
@@ -203,6 +204,10 @@ def test_a_search_that_runs_out_of_time_goes_on_in_the_next(fingers: Galerkin) -
     assert (late.status, late.iterations, late.is_converged) == ("out of time", 1, False)
     assert not late.is_trusted
     assert "time" in late.reason
+    late.write(tmp_path / "late.vtu")
+    assert statefile.read(tmp_path / "late.vtu").doubt == "not_converged"
+    whole.write(tmp_path / "whole.vtu")
+    assert statefile.read(tmp_path / "whole.vtu").doubt == ""
     steps = [grasp.solve(PUSHES, from_last=True, budget=0.0) for _ in range(20)]
     assert steps[-1].is_converged
     assert relative(steps[-1].force, whole.force) < 1e-4

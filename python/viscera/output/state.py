@@ -39,8 +39,8 @@ NOT_IN_SCAN = {
 """Fields of solutions that do not lie where the scan shows the organ, with the reason and the remedy."""
 NOT_CONVERGED, NOT_SETTLED = "not_converged", "not_settled"
 DOUBTS = {
-    NOT_CONVERGED: "the solve of this shape did not converge: it is the last equilibrium before, under a part of the "
-    "loads; `state.message` tells what stopped it",
+    NOT_CONVERGED: "the solve of this shape did not converge: it is the last shape that was found, not the one under "
+    "all of its loads; `message` of a state and `status` of an answer tell what stopped it",
     NOT_SETTLED: "the frame of this shape had not settled: it may be far from equilibrium; take a frame that "
     "`is_settled`, or solve",
 }

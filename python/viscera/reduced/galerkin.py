@@ -14,6 +14,7 @@ from viscera import _core
 from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.output import state as statefile
 from viscera.progress import shown
 from viscera.quantity import Number, Whole, numbers_of, refused
 from viscera.sealed import read_only
@@ -75,6 +76,9 @@ class GalerkinAnswer(Deformed):
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self._touch.mesh, self.displacement
+
+    def _doubt(self) -> str:
+        return "" if self.is_converged else statefile.NOT_CONVERGED
 
     def _from_rest(self) -> tuple[Organ, Floats]:
         return self._touch._whole(self.displacement)
