@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from tests.python.test_scene import ELEMENTS, SIDE, SOFT
 from tests.python.test_scene import block as raised
 from tests.python.test_supports import block
+from tests.python.test_thin_contact import sheet
 
 import viscera as vs
 from viscera.boundary.elastic_support import LINEAR
@@ -194,3 +196,26 @@ def test_samples_of_a_bond_are_the_same_however_their_piece_is_cut() -> None:
     displacement = np.random.default_rng(0).normal(size=(6, 3))
     assert one.force(displacement) == pytest.approx(other.force(displacement), rel=1e-12)
     assert not one.holds(cut([1, 2, 3, 0], stiffness=1.0 + 1e-6))
+
+
+@pytest.mark.parametrize(("degrees", "is_told"), [(0, False), (10, False), (40, True)])
+def test_a_sliding_bond_whose_surfaces_have_turned_says_so(degrees: int, is_told: bool) -> None:
+    """Sheets that are turned as a whole about the x axis: the bond keeps the normals of rest."""
+    organs = {
+        "lower": vs.Organ(sheet(0.05), TISSUE),
+        "upper": vs.Organ(sheet(0.05, 0.05), TISSUE, supports=[vs.ElasticSupport("x > -1%", 1e3)]),
+    }
+    for sliding in (True, False):
+        scene = vs.Scene(organs, bonds=[vs.Bond("lower", "upper", sliding=sliding)])
+        (c, s), points = (np.cos(np.radians(degrees)), np.sin(np.radians(degrees))), scene.mesh.points
+        turned = points @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]]) - points
+        held = {(int(node),): tuple(turned[node]) for node in scene.place("lower", "z < 1%")}
+        state = scene.solve(displacement=held, start=turned, throw=True)
+        told = f"have turned, those of Bond(lower, upper, sliding) by {degrees} degrees"
+        assert (told in state.message) == (is_told and sliding)
+        stepper = scene.stepper(held, start=state, iterations=20)
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            stepper.frame(held)
+            stepper.frame(held)
+        assert [told in str(each.message) for each in warned] == [True] * (is_told and sliding), "once"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 from tests.conftest import block
@@ -69,26 +67,3 @@ def test_a_bond_joins_the_sides_that_lie_on_each_other(sliding: bool) -> None:
         carried.append(scene.solve(displacement=moved, throw=True).support_force(bond))
     np.testing.assert_allclose(carried[0], carried[1], rtol=1e-9, atol=1e-9)
     assert carried[0][2] > 1.0
-
-
-@pytest.mark.parametrize(("degrees", "is_told"), [(0, False), (10, False), (40, True)])
-def test_a_sliding_bond_whose_surfaces_have_turned_says_so(degrees: int, is_told: bool) -> None:
-    """Sheets that are turned as a whole about the x axis: the bond keeps the normals of rest."""
-    organs = {
-        "lower": vs.Organ(sheet(0.05), LAW),
-        "upper": vs.Organ(sheet(0.05, 0.05), LAW, supports=[vs.ElasticSupport("x > -1%", 1e3)]),
-    }
-    for sliding in (True, False):
-        scene = vs.Scene(organs, bonds=[vs.Bond("lower", "upper", sliding=sliding)])
-        (c, s), points = (np.cos(np.radians(degrees)), np.sin(np.radians(degrees))), scene.mesh.points
-        turned = points @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]]) - points
-        held = {(int(node),): tuple(turned[node]) for node in scene.place("lower", "z < 1%")}
-        state = scene.solve(displacement=held, start=turned, throw=True)
-        told = f"have turned, those of Bond(lower, upper, sliding) by {degrees} degrees"
-        assert (told in state.message) == (is_told and sliding)
-        stepper = scene.stepper(held, start=state, iterations=20)
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            stepper.frame(held)
-            stepper.frame(held)
-        assert [told in str(each.message) for each in warned] == [True] * (is_told and sliding), "once"

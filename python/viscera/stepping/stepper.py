@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -34,6 +33,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number, Whole, check_nodal, numbers_of, refused, vector
 from viscera.solver import Solver, core_solver
+from viscera.stepping.bond_watch import BondWatch
 from viscera.stepping.dynamics import Integration, Prony, core_integration
 from viscera.stepping.frame import Frame
 from viscera.stepping.hand import Hand, name_of_patch
@@ -74,7 +74,7 @@ class Stepper:
         self._pressure: Pressures = {}
         self._faces: dict[Any, Indices] = {}
         self._fault: str | None = None
-        self._has_warned = False
+        self._bond_watch = BondWatch(organ)
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
         self._time_step: float | None = settings["time_step"]
@@ -90,12 +90,6 @@ class Stepper:
             "a stepper can be neither copied nor pickled, nor can its tools, hands and forceps, nor frames with them; "
             "keep the organ and an array such as frame.displacement, and go on with organ.stepper(start=...)"
         )
-
-    def _warn_of_bonds(self, displacement: Floats) -> None:
-        """Warns once of what sliding bonds no longer do."""
-        if not self._has_warned and (told := self._organ._doubt_of_bonds(displacement)):
-            self._has_warned = True
-            warnings.warn(told, stacklevel=3)
 
     @property
     def displacement(self) -> Floats:
@@ -286,7 +280,7 @@ class Stepper:
         felt = dict(zip(self._tools, told, strict=True))
         pairs = self._organ._contact_pairs
         self._fault = gpu.report(result["device_fault"], self._fault)
-        self._warn_of_bonds(result["displacement"])
+        self._bond_watch.look(result["displacement"])
         return Frame(
             displacement=result["displacement"],
             residual=result["residual"],
