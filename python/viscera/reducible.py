@@ -77,9 +77,9 @@ class Reducible(Supported):
         start: a stable equilibrium under dead loads, which remain during the touches; by default rest. Contact points,
             patches and lengths are then those of the loaded shape; displacements and forces are what the touch adds.
         vary: a parameter for which the model covers a range of values; `Touch.at` sets it.
-        checkpoint: a file that keeps finished batches of positions until the model is complete. After an interruption,
-            the same call continues from there. If the file belongs to another case, the work starts again, with a
-            warning.
+        checkpoint: a file that keeps finished batches of positions until `Touch.save` has written the model, and then
+            removes it. Before that the same call continues from there, after an interruption or where the model could
+            not be written. If the file belongs to another case, the work starts again, with a warning.
         executor: a `concurrent.futures.Executor` whose workers solve the batches: processes, Dask or MPI
             (docs/cluster.md). On one kind of processor, the model is the same bit by bit for any number of workers.
 
@@ -121,7 +121,8 @@ class Reducible(Supported):
         }
         settings = {"touchable": nodes, **numbers, "memory": memory, "preload": preload}
         words = {**numbers, "solver": "gpu"} if on_gpu else numbers
-        with nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, words, family) as kept:
+        keeping = nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, words, family)
+        with keeping as kept:
             batches: _core.Batches | None = kept
             if executor is not None:
                 from viscera.reduced.offline import Finished, Offline
@@ -137,7 +138,7 @@ class Reducible(Supported):
                 on_gpu=on_gpu,
             )
         gpu.report(fault)
-        touch = Touch(model)
+        touch = Touch(model, kept)
         if vary is not None:
             _warn_if_coarse(vary, touch)
         return touch

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 import viscera as vs
+from viscera.cli import main
 from viscera.reduced.checkpoint import RECORD, Checkpoint
 
 SETTINGS: dict[str, Any] = {"order": 3, "depth": 0.03, "radius": 0.06}
@@ -70,8 +71,39 @@ def test_what_was_stopped_goes_on_and_ends_with_the_same_model(organ: vs.Organ, 
     assert len(said) == 1
     assert "continuing after" in said[0]
     assert first[0] > 0
-    assert not path.exists()
     assert contents(touch, tmp_path) == whole
+    assert not path.exists()
+
+
+def test_batches_stay_until_the_model_is_saved(organ: vs.Organ, tmp_path: Path) -> None:
+    path = tmp_path / "beam.batches"
+    settings = {**SETTINGS, "order": 2}
+    touch = organ.reduce("tip", **settings, checkpoint=path)
+    (tmp_path / "folder.viscera").mkdir()
+    with pytest.raises(vs.VisceraError, match="is a folder"):
+        touch.save(tmp_path / "folder.viscera")
+    said: list[str] = []
+    again = organ.reduce("tip", **settings, checkpoint=Checkpoint(path, said.append))
+    assert "continuing after" in said[0]
+    again.save(tmp_path / "beam.viscera")
+    assert not path.exists()
+    touch.save(tmp_path / "beam.viscera")  # nothing is left to remove
+
+
+def test_a_model_removes_no_batches_but_its_own(organ: vs.Organ, tmp_path: Path) -> None:
+    """A later reduction may keep its own in the same file, and a model may take its place."""
+    path = tmp_path / "beam.viscera"
+    first = organ.reduce("tip", **SETTINGS, checkpoint=path)
+    first.save(path)
+    assert path.stat().st_size > 0
+    path.unlink()
+    first = organ.reduce("tip", **SETTINGS, checkpoint=path)
+    with pytest.warns(UserWarning, match="of another case"):
+        second = organ.reduce("tip", **{**SETTINGS, "order": 2}, checkpoint=path)
+    first.save(tmp_path / "first.viscera")
+    assert path.exists()
+    second.save(tmp_path / "second.viscera")
+    assert not path.exists()
 
 
 def test_a_record_cut_short_is_solved_again(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
@@ -251,3 +283,43 @@ def test_the_command_goes_on_after_ctrl_c_and_after_kill(stop: signal.Signals, t
     assert again.returncode == 0, again.stderr
     assert "continuing after" in again.stdout
     assert sorted(path.name for path in tmp_path.iterdir()) == ["liver.toml", "liver.viscera"]
+
+
+BEAM = """
+mesh = "organ:beam"
+fixed = "clamp"
+[material]
+law = "NeoHookean"
+young = 1e5
+poisson = 0.3
+[reduce]
+touchable = "tip"
+order = 2
+"""
+
+
+def test_the_command_goes_on_after_a_model_that_could_not_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the limit of a process on the size of its files: batches have room, the model lacks a byte."""
+    pytest.importorskip("resource")
+    monkeypatch.chdir(tmp_path)
+    Path("beam.toml").write_text(BEAM)
+    command, model = ["reduce", "beam.toml", "-o", "beam.viscera"], Path("beam.viscera")
+    assert main(command) == 0
+    size = model.stat().st_size
+    model.unlink()
+    program = (
+        "import resource, sys; from viscera.cli import main\n"
+        "size = int(sys.argv[1]); resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))\n"
+        "sys.exit(main(sys.argv[2:]))\n"
+    )
+    words = [sys.executable, "-c", program, str(size - 1), *command]
+    failed = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert failed.returncode != 0
+    assert "finished positions are kept in beam.viscera.batches, and the same command goes on" in failed.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["beam.toml", "beam.viscera.batches"]
+    capsys.readouterr()
+    assert main(command) == 0
+    assert "continuing after" in capsys.readouterr().out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["beam.toml", "beam.viscera"]

@@ -13,8 +13,10 @@ from time import perf_counter
 from viscera import progress
 from viscera.cli.options import add_organ, add_reduction, case_of
 from viscera.cli.output import Outcome, Output
+from viscera.errors import VisceraError
 from viscera.output.kind import CASE, MESH, model_path, require
 from viscera.reduced.checkpoint import SUFFIX, Checkpoint
+from viscera.reduced.touch import Touch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,16 +40,15 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     organ = output.organ(case)
     began = perf_counter()
     kept = Checkpoint(target.with_name(target.name + SUFFIX), output.say)
+    kept_at = f"finished positions are kept in {kept.path}, and the same command goes on from there"
     try:
         with progress.bar(output.is_quiet) as bar:
             touch = case.reduce(organ, bar, kept)
+        _save(touch, target, kept_at)
     except KeyboardInterrupt:
         if kept.path.exists():
-            raise KeyboardInterrupt(
-                f"interrupted; finished positions are kept in {kept.path}, and the same command goes on from there"
-            ) from None
+            raise KeyboardInterrupt(f"interrupted; {kept_at}") from None
         raise
-    touch.save(target)
     facts = {"file": str(target), "file_bytes": target.stat().st_size, **touch.summary()}
     output.say(
         f"{target}: {facts['positions']} positions, {facts['terms']} terms, {facts['modes']} modes, "
@@ -55,3 +56,11 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         f"{perf_counter() - began:.1f} s"
     )
     return Outcome("reduced", facts=facts)
+
+
+def _save(touch: Touch, target: Path, kept_at: str) -> None:
+    """Writes the model, which removes the finished batches; where that fails, the error says that they stay."""
+    try:
+        touch.save(target)
+    except VisceraError as error:
+        raise type(error)(f"{error}; {kept_at}") from error

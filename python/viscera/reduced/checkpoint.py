@@ -39,7 +39,7 @@ KINDS = {
 
 
 class Checkpoint:
-    """Where a reduction keeps its finished batches: a file that exists until the work is complete.
+    """Where a reduction keeps its finished batches: a file that exists until the model is saved.
 
     say: receives a sentence if batches of an earlier run are used, or are ignored because they belong to another case.
     """
@@ -50,11 +50,11 @@ class Checkpoint:
 
     @contextmanager
     def batches(self, case: str) -> Iterator[Batches]:
-        """The batches of a case, by its fingerprint; the file goes where the block ends well.
+        """The batches of a case, by its fingerprint; the file stays until `Batches.remove`.
 
-        Where it does not, and nothing was finished, what this call made goes again, and an empty file that was there is
-        left empty. Raises `VisceraError` if the file cannot be written, is no file of batches, or is in use; before
-        anything is opened if there is no regular file of this name, but a device, a pipe or a folder.
+        Where the block does not end well and nothing was finished, what this call made goes again, and an empty file
+        that was there is left empty. Raises `VisceraError` if the file cannot be written, is no file of batches, or is
+        in use; before anything is opened if there is no regular file of this name, but a device, a pipe or a folder.
         """
         try:
             is_new = not _is_there(self.path)
@@ -72,9 +72,8 @@ class Checkpoint:
                     if was_empty and not is_new:
                         _empty(file)
                     elif was_empty or batches is not None:
-                        self._remove()
+                        _unlink(self.path)
                 raise
-            self._remove()
 
     def _begun(self, file: IO[bytes], case: str) -> Batches:
         """What the file holds of the case."""
@@ -82,10 +81,6 @@ class Checkpoint:
             return Batches(file, self.path, case, self.say)
         except OSError as error:
             raise _refusal(self.path, error) from None
-
-    def _remove(self) -> None:
-        with contextlib.suppress(OSError):  # a system that keeps open files keeps an empty one
-            os.unlink(os.path.realpath(self.path))  # a link to it is the user's
 
 
 class Batches:
@@ -110,18 +105,22 @@ class Batches:
             raise VisceraError(f"{self._path}: a finished batch could not be kept ({error.strerror})") from None
         self.count += 1
 
+    def remove(self) -> None:
+        """Removes the file, once the model is on the disk; one of another case, or in use again, stays."""
+        with contextlib.suppress(OSError, VisceraError):
+            if _is_there(self._path):
+                with self._path.open("r+b") as file:
+                    _lock(file, self._path)
+                    if _case_of(file, self._path) == self._case:
+                        file.truncate(0)
+                        _unlink(self._path)
+
     def _read(self) -> list[bytes]:
         self._file.seek(0)
-        head = self._file.readline(1000)
-        if not head:
+        found = _case_of(self._file, self._path)
+        if found is None:
             self._begin()
             return []
-        try:
-            found = json.loads(head)["viscera batches"]
-        except (ValueError, KeyError, TypeError):
-            raise VisceraError(
-                f"{self._path} is no file of finished batches; move it away, or choose another output"
-            ) from None
         if found != self._case:
             self._say(f"{self._path}: the batches there are of another case or version; starting again")
             self._begin()
@@ -172,6 +171,17 @@ def _is_there(path: Path) -> bool:
     return True
 
 
+def _case_of(file: IO[bytes], path: Path) -> str | None:
+    """The case that a file of batches is of, from its first line; none if it is empty."""
+    head = file.readline(1000)
+    if not head:
+        return None
+    try:
+        return str(json.loads(head)["viscera batches"])
+    except (ValueError, KeyError, TypeError):
+        raise VisceraError(f"{path} is no file of finished batches; move it away, or choose another output") from None
+
+
 def _refusal(path: Path, error: OSError) -> VisceraError:
     return VisceraError(f"{path}: batches cannot be kept there ({error.strerror})")
 
@@ -184,6 +194,11 @@ def _closing(file: IO[bytes]) -> Iterator[None]:
     finally:
         with contextlib.suppress(OSError):
             file.close()
+
+
+def _unlink(path: Path) -> None:
+    with contextlib.suppress(OSError):  # a system that keeps open files keeps an empty one
+        os.unlink(os.path.realpath(path))  # a link to it is the user's
 
 
 def _empty(file: IO[bytes]) -> None:

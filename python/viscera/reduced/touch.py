@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from viscera.organ import Organ
     from viscera.reduced.check import Check
+    from viscera.reduced.checkpoint import Batches
     from viscera.reduced.galerkin import Galerkin
     from viscera.reduced.probe import RigidProbe
 
@@ -57,6 +58,10 @@ class Touch(Stored, Pictured):
     True
     """
 
+    def __init__(self, model: _core.Model, batches: Batches | None = None) -> None:
+        super().__init__(model)
+        self._batches = batches
+
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: the bytes of the model file."""
         return load_bytes, (self._model.to_bytes(),)
@@ -74,6 +79,7 @@ class Touch(Stored, Pictured):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model file (safetensors, see docs/model-file.md). If writing fails, no partial file is left.
 
+        Once it is written, the file of finished batches that `Organ.reduce(checkpoint=)` has kept is removed.
         Raises `VisceraError` for a name with the ending of something else: a mesh, a surface, an image or a case.
 
         >>> import viscera as vs
@@ -85,6 +91,9 @@ class Touch(Stored, Pictured):
         """
         with replacing(model_path(path)) as scratch:
             scratch.write_bytes(self._model.to_bytes())
+        if self._batches is not None:
+            self._batches.remove()
+            self._batches = None
 
     def at(self, value: float | str) -> Touch:
         """The model at another value of its parameter (see `Organ.reduce(vary=)`).
