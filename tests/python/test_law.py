@@ -107,6 +107,14 @@ def test_ogden_energy_is_its_formula() -> None:
     assert law.energy(F) == pytest.approx(formula + 3.5 * (J - 1) ** 2, rel=1e-12)
 
 
+def test_an_ogden_term_may_have_values_per_cell_beside_a_number() -> None:
+    moduli, bulk = np.array([-20.0, -40.0]), {"kappa": 1e3}
+    law = vs.Ogden([100.0, moduli], [1.3, -7.7], **bulk)
+    assert np.array_equal(law.parameters, vs.Ogden([[100.0, 100.0], moduli], [1.3, -7.7], **bulk).parameters)
+    for cell, modulus in enumerate(moduli):
+        assert law.parameters[cell].tolist() == vs.Ogden([100.0, modulus], [1.3, -7.7], **bulk).parameters[0].tolist()
+
+
 @pytest.mark.parametrize("both", [False, True])
 def test_holzapfel_gasser_ogden_energy_is_its_formula(both: bool) -> None:
     fibres = np.array([[1.0, 2.0, 2.0], [0.0, 0.0, 5.0]])

@@ -174,7 +174,8 @@ class Ogden(Law):
 
 def _terms(name: str, values: ArrayLike | Sequence[ArrayLike]) -> list[Any]:
     """The terms of a sum: a number stands for a single one."""
-    is_list = isinstance(values, list | tuple | np.ndarray) and np.ndim(values) > 0
+    # The dimension of a list is not asked for: numbers may stand beside arrays over cells.
+    is_list = isinstance(values, list | tuple) or (isinstance(values, np.ndarray) and values.ndim > 0)
     terms: list[Any] = list(values) if is_list else [values]  # type: ignore[arg-type]
     if not 1 <= len(terms) <= Ogden.terms:
         raise VisceraError(
