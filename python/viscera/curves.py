@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-10
 MAX_ITERATIONS = 20
+LARGEST = 0.2
+"""By how much a component moves at once, in units of the largest of F, or of 1 where that is less."""
+SMALLEST = 2.0**-10
+"""Part of the way from one state to the next below which it is not divided further."""
 FLAT = 1e-6  # volume ratio at which a curve ends: Saint Venant-Kirchhoff is without stress when crushed to nothing
 POINTS = 41
 COLOURS = ("#0b4f6c", "#d9654f", "#6a8d3a", "#7a4b94", "#c98b1b", "#3a8f8f", "#4f0f2b", "#8a8f99")
@@ -127,9 +131,7 @@ def _march(law: Law, kind: Mode, parameters: Floats, cell: int) -> list[float]:
     """Stresses at growing distance from rest, each state found from the one before."""
     F, found = np.eye(3), []
     for parameter in parameters:
-        for place in kind.driven:
-            F[place] = parameter
-        state = equilibrium(law, F, kind.free, cell)
+        state = state_at(law, kind, float(parameter), F, cell)
         if state is None:
             break
         F = state
@@ -137,18 +139,39 @@ def _march(law: Law, kind: Mode, parameters: Floats, cell: int) -> list[float]:
     return found
 
 
-def equilibrium(law: Law, F: Floats, free: Sequence[tuple[int, int]], cell: int) -> Floats | None:
+def state_at(law: Law, kind: Mode, parameter: float, start: Floats, cell: int) -> Floats | None:
+    """F (3, 3) of a deformation at a parameter, from a state at another; none if the law has no state to continue to.
+
+    The way there is taken in one step, or in as many as Newton's method converges in.
+    """
+    begin, done, step = float(start[kind.driven[0]]), 0.0, 1.0  # in parts of the way, exact as sums of powers of 1/2
+    while done < 1.0:
+        F, end = start.copy(), done + step
+        for place in kind.driven:
+            F[place] = parameter if end == 1.0 else begin + end * (parameter - begin)
+        state = _equilibrium(law, F, kind.free, cell)
+        if state is not None:
+            start, done, step = state, end, min(2.0 * step, 1.0 - end)
+        elif step > SMALLEST:
+            step /= 2.0
+        else:
+            return None
+    return start
+
+
+def _equilibrium(law: Law, F: Floats, free: Sequence[tuple[int, int]], cell: int) -> Floats | None:
     """F with no stress in its free components, by Newton's method; none if it does not converge."""
     if not free:
         return F
     rows, columns = map(list, zip(*free, strict=True))
-    F = F.copy()
     for _ in range(MAX_ITERATIONS):
         residual = law.stress(F[None], cell)[0][rows, columns]
         tangent = law.tangent(F[None], cell)[0][rows, columns][:, rows, columns]
+        if not (np.isfinite(residual).all() and np.isfinite(tangent).all()):  # an exponential law far out
+            return None
         step = np.linalg.lstsq(tangent, -residual, rcond=None)[0]
-        size = float(np.abs(step).max())
-        F[rows, columns] += step * (0.2 / max(size, 0.2))  # no component moves by more than 0.2 at once
+        size, most = float(np.abs(step).max()), LARGEST * max(1.0, float(np.abs(F).max()))
+        F[rows, columns] += step * (most / max(size, most))
         if not np.linalg.det(F) > FLAT:
             return None
         if size <= TOLERANCE:

@@ -95,6 +95,32 @@ def test_a_curve_ends_where_the_law_is_crushed() -> None:
     assert parameter[-1] == pytest.approx(np.sqrt(1 + 0.55 / 0.9), abs=0.03)
 
 
+@pytest.mark.parametrize("mode", ["uniaxial", "equibiaxial", "pure shear"])
+@pytest.mark.parametrize("stretch", [(0.2, 4.0), (0.02, 6.0)])
+def test_a_curve_goes_on_though_what_is_free_moves_far(mode: str, stretch: tuple[float, float]) -> None:
+    """A neo-Hookean solid has a state at every stretch; the thickness at 0.02 is 2500 in equibiaxial compression."""
+    law = vs.NeoHookean(mu=1e3, lam=5e5)
+    parameter, stress = curve(law, mode, stretch)
+    assert parameter[[0, -1]].tolist() == list(stretch)
+    formula = {  # of the incompressible solid
+        "uniaxial": lambda a: a - a**-2,
+        "equibiaxial": lambda a: a - a**-5,
+        "pure shear": lambda a: a - a**-3,
+    }[mode](4.0 if stretch[1] == 4.0 else 6.0)
+    assert stress[-1] == pytest.approx(1e3 * formula, rel=0.05)
+    assert (np.diff(stress) > 0.0).all()
+
+
+def test_a_fit_with_a_bulk_modulus_reaches_far_points() -> None:
+    """Two points of a compression to a tenth, with nothing between rest and them."""
+    law, stretch = vs.NeoHookean(mu=1e3, lam=5e5), [0.1, 1.0]
+    parameter, stress = curve(law, "equibiaxial", (0.1, 1.1))
+    test = vs.MaterialTest("equibiaxial", stretch, [stress[0], 0.0])
+    assert parameter[0] == 0.1
+    found = vs.fit(vs.NeoHookean, test, poisson=float(law.poisson[0]), incompressible=False)
+    assert found.parameters["mu"] == pytest.approx(1e3, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("mode", "stretch", "words"),
     [

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from viscera.curves import MODES, curve, equilibrium
+from viscera.curves import MODES, curve, state_at
 from viscera.errors import VisceraError
 from viscera.fitting.materialtest import MaterialTest
 from viscera.law import Law
@@ -52,9 +52,7 @@ def compressible_stress(law: Law, test: MaterialTest) -> Floats:
         points = np.flatnonzero(side)
         F = np.eye(3)
         for point in points[np.argsort(np.abs(test.stretch[points] - kind.at_rest), kind="stable")]:
-            for place in kind.driven:
-                F[place] = test.stretch[point]
-            state = equilibrium(law, F, kind.free, 0)
+            state = state_at(law, kind, float(test.stretch[point]), F, 0)
             if state is None:
                 raise VisceraError(
                     f"{test.name}: {type(law).__name__} has no state at {kind.parameter} {test.stretch[point]:g}; "
