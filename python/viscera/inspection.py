@@ -22,7 +22,13 @@ PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
 SAME_PLACE = 1e-9
 """Distance, in sizes of the mesh, below which two points count as one: the rounding of files."""
 DEEP = 1e-6
-"""Least barycentric coordinate of a place inside a cell, so that what only touches a part is not in it."""
+"""Least barycentric coordinate of a place inside a cell, against rounding."""
+MIDDLE = np.array([0.43, 0.29, 0.19, 0.09])
+"""Barycentric coordinates of a place in a cell. No two sums of them are equal: between even grids, however one is moved
+over the other, such places are on no face, as corners and centroids are."""
+NEAR = 1e-3
+"""Part of the way from a corner of a cell to there that is within the cell, so that what only touches a part is not in
+it."""
 KINDS = {"c": "complex numbers", "b": "booleans", "U": "texts", "S": "bytes"}
 """Words for what stands in place of numbers, by NumPy's letter."""
 
@@ -128,10 +134,11 @@ def doubled(points: Floats) -> list[str]:
 
 
 def overlaps(points: Floats, cells: Indices, facts: dict[str, Any]) -> list[str]:
-    """Cells of a part with a corner or their centroid inside another part."""
+    """Cells of a part with a place next to a corner, or in the middle, inside another part."""
     if facts["n_parts"] < 2 or len(facts["degenerate"]):
         return []
     owner, corners, is_inside = facts["part"], points[cells], np.zeros(len(cells), dtype=bool)
+    weights = np.vstack([(1.0 - NEAR) * np.eye(4) + NEAR * MIDDLE, MIDDLE])
     order = np.argsort(owner, kind="stable")
     starts = np.searchsorted(owner[order], np.arange(facts["n_parts"]))
     low = np.minimum.reduceat(corners.min(axis=1)[order], starts)
@@ -141,10 +148,10 @@ def overlaps(points: Floats, cells: Indices, facts: dict[str, Any]) -> list[str]
         is_near[part] = False
         if is_near.any():
             own = np.flatnonzero(owner == part)
-            places = np.concatenate([corners[own], corners[own].mean(axis=1, keepdims=True)], axis=1)
-            found, weights = _core.Locator(points, cells[is_near[owner]]).find(places.reshape(-1, 3))
-            is_deep = (found >= 0) & (weights.min(axis=1) > DEEP)
-            is_inside[own] = is_deep.reshape(-1, 5).any(axis=1)
+            places = (weights @ corners[own]).reshape(-1, 3)
+            found, at = _core.Locator(points, cells[is_near[owner]]).find(places)
+            is_deep = (found >= 0) & (at.min(axis=1) > DEEP)
+            is_inside[own] = is_deep.reshape(-1, len(weights)).any(axis=1)
     if not is_inside.any():
         return []
     inside = np.flatnonzero(is_inside).astype(np.uint32)

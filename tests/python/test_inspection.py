@@ -150,6 +150,12 @@ def test_parts_that_overlap_are_told(bar: vs.Mesh, tmp_path: Path, caplog: pytes
     for shift, is_overlap in (
         ((0.21, 0.03, 0.02), True),
         ((0.0, 0.0, 0.05), True),  # by one cell: corners lie on corners
+        ((0.0, 0.0, 0.025), True),  # by half a cell: corners lie on edges, centroids on faces
+        ((0.025, 0.025, 0.025), True),
+        ((0.0, 0.0, 0.0999), True),  # 0.1 mm deep, where corners lie above corners
+        ((0.0125, 0.0, 0.0999), True),
+        ((0.0, 0.0, 0.0), True),
+        ((0.0125, 0.025, 0.1), False),  # face on face, not joined
         ((0.0, 0.0, 0.1), False),  # face on face
         ((0.4, 0.1, 0.1), False),  # edge on edge
         ((0.0, 0.0, 0.2), False),
