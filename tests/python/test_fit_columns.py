@@ -45,6 +45,57 @@ def test_units_are_read_in_any_case(tmp_path: Path, unit: str, factor: float) ->
     assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        ("GPa", 1e9), ("N/m^2", 1.0), ("N/m²", 1.0), ("N/m2", 1.0), ("kN/m^2", 1e3), ("N/cm²", 1e4), ("N/mm^2", 1e6),
+        ("n/mm2", 1e6), ("mN/mm²", 1e3), ("MN/m^2", 1e6),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("header", ["stretch,stress [{}]", "stretch,stress_{}", "stretch,stress\n-,{}"])
+def test_a_stress_may_be_a_force_over_an_area(tmp_path: Path, header: str, unit: str, factor: float) -> None:
+    write_curve(tmp_path / "a.csv", header.format(unit), STRETCH, 1000.0 * (STRETCH - STRETCH**-2) / factor)
+    assert main(["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", ["mn/m2", "MN/mm2", "N/m", "N/mm3", "mPa", "N^2"])
+def test_a_stress_in_no_such_unit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str) -> None:
+    write_curve(tmp_path / "a.csv", f"stretch,stress [{unit}]", STRETCH, STRETCH)
+    assert main(["fit", str(tmp_path / "a.csv")]) == 2
+    assert f"not known of stress, '{unit}'; known: Pa, kPa, MPa, GPa, N/m2" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("micro", ["u", "\u00b5", "\u03bc"])
+def test_forces_and_lengths_may_be_in_micro(tmp_path: Path, micro: str) -> None:
+    squeezed = np.linspace(0.6, 0.99, 12)
+    load = 1000.0 * (squeezed - squeezed**-2) * 1e-4
+    header = f"displacement [{micro}m],force [{micro}N]"
+    write_curve(tmp_path / "a.csv", header, 30e3 * (squeezed - 1.0), 1e6 * load)
+    words = ["--length", "30 mm", "--area", "1 cm2", "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]
+    assert main(["fit", str(tmp_path / "a.csv"), *words]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["shear", "Shear [-]", "stretch"])
+def test_a_curve_of_simple_shear_has_a_column_of_shear(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    shear = np.linspace(0.1, 0.5, 5)
+    write_curve(tmp_path / "a.csv", f"{name},stress [kPa]", shear, 1.2 * shear)
+    words = ["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]
+    assert main([*words, "--mode", "simple shear"]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(1200.0, rel=1e-6)
+    assert main([*words, "--mode", "simple shear", "--length", "3 cm"]) == 2
+    assert "--length is for curves of displacement and force" in capsys.readouterr().err
+    write_curve(tmp_path / "a.csv", "angle,stress", shear, shear)
+    assert main([*words, "--mode", "simple shear"]) == 2
+    assert "it has angle, stress. Give shear and stress, or displacement" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("cell", ["nan", "inf", "-Infinity", "1e999"])
 def test_a_cell_that_is_not_finite_is_refused_with_its_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], cell: str

@@ -1,8 +1,8 @@
 """Fit laws to material tests: the parameters of one law, or of all laws ranked, with intervals, error and stability.
 
-A curve is a CSV file with a line of names: columns `stretch` and `stress` [Pa], or `displacement` [m] and `force` [N]
-with the specimen's --length and --area or --diameter. A name may end in a unit, `displacement_mm`, `stress [kPa]`, or
-have it in the line below.
+A curve is a CSV file with a line of names: columns `stretch` (in simple shear `shear`) and `stress` [Pa], or
+`displacement` [m] and `force` [N] with the specimen's --length and --area or --diameter. A name may end in a unit,
+`displacement_mm`, `stress [kPa]`, `stress [N/mm^2]`, or have it in the line below.
 Fails (exit 1) if the best law is not stable over the fitted range.
 """
 
@@ -20,6 +20,7 @@ from viscera.cli.options import metres, square_metres
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.curves import MODES
 from viscera.errors import VisceraError
+from viscera.files.mesh import METRES
 from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
 from viscera.fitting.columns import Columns, read_columns
 from viscera.fitting.families import FAMILIES
@@ -29,19 +30,24 @@ from viscera.output.kind import check_picture
 from viscera.progress import Progress, bar
 from viscera.quantity import Choice
 
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
+RATIOS = {"-": 1.0, "mm/mm": 1.0}
+FORCES = {"N": 1.0, "uN": 1e-6, "mN": 1e-3, "kN": 1e3}
+PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
+NEWTONS_PER_AREA = {"N/m2": 1.0, "kN/m2": 1e3, "MN/m2": 1e6, "N/cm2": 1e4, "N/mm2": 1e6, "mN/mm2": 1e3}
 UNITS: dict[str, dict[str, float]] = {
-    "stretch": {"-": 1.0, "mm/mm": 1.0},
-    "stress": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6},
-    "displacement": LENGTHS,
-    "compression": LENGTHS,
+    "stretch": RATIOS,
+    "shear": RATIOS,
+    "stress": PASCALS | NEWTONS_PER_AREA,
+    "displacement": METRES,
+    "compression": METRES,
     "force": FORCES,
     "load": FORCES,
 }
 """Columns, and the units that their names may end in."""
 AMBIGUOUS = ("mpa", "mn")
-"""Units that are a thousandth or a million by the case of their first letter."""
+"""How units begin that are a thousandth or a million by the case of their first letter."""
+SPELLINGS = str.maketrans({"²": "2", "^": None, "µ": "u", "μ": "u"})
+"""`N/mm²`, `N/mm^2` and `µm` (with either of two letters) to the units above."""
 NAMED = re.compile(r"\s*(?P<name>[a-z]+)\s*(_\s*(?P<unit>.*?)|[(\[]\s*(?P<bracketed>[^()\[\]]*?)\s*[)\]])?\s*", re.I)
 """The name of a column, and its unit."""
 DOWNWARD = ("compression", "load")
@@ -98,7 +104,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     named = zip(args.curves, _names(args.curves), strict=True)
     tables = [(Path(path), read_columns(path), name) for path, name in named]
     tests = [_test(*table, args) for table in tables]
-    if all(_find(columns, "stretch") for _, columns, _ in tables):
+    if all(_of_stretch(columns, args.mode) for _, columns, _ in tables):
         _refuse_of_specimen(args)
     with bar(output.is_quiet) as progress:
         fits, left_out = _ranked(tests, args, progress)
@@ -172,13 +178,14 @@ def _refuse_of_specimen(args: argparse.Namespace) -> None:
 
 
 def _test(path: Path, columns: Columns, name: str, args: argparse.Namespace) -> MaterialTest:
-    if args.stuck and (args.mode != "uniaxial" or _find(columns, "stretch")):
+    kind, driven = MODES[args.mode], _of_stretch(columns, args.mode)
+    if args.stuck and (args.mode != "uniaxial" or driven):
         raise VisceraError("--stuck takes uniaxial curves of displacement and force, with --length and --diameter")
-    if _find(columns, "stretch"):
-        stretch, stress = _column(path, columns, "stretch"), _column(path, columns, "stress")
-        return MaterialTest(args.mode, *_up_to(args.up_to, stretch, stress, MODES[args.mode].at_rest, 1.0), name)
+    if driven:
+        stretch, stress = (_column(path, columns, column, kind.parameter) for column in (driven, "stress"))
+        return MaterialTest(args.mode, *_up_to(args.up_to, stretch, stress, kind.at_rest, 1.0), name)
     displacement, force = _first(columns, "displacement", "compression"), _first(columns, "force", "load")
-    moved, pulled = _column(path, columns, displacement), _column(path, columns, force)
+    moved, pulled = (_column(path, columns, column, kind.parameter) for column in (displacement, force))
     area = math.pi * args.diameter**2 / 4.0 if args.diameter is not None else args.area
     if args.length is None or area is None or (args.diameter is not None and args.area is not None):
         raise VisceraError(
@@ -213,6 +220,11 @@ def _up_to(
     return parameter[near], measured[near]
 
 
+def _of_stretch(columns: Columns, mode: str) -> str | None:
+    """The column that holds the parameter of a deformation: `stretch`, of simple shear `shear` before that."""
+    return next((name for name in (MODES[mode].parameter, "stretch") if _find(columns, name)), None)
+
+
 def _find(columns: Columns, name: str) -> list[str]:
     return [column for column in columns if _named(column)[0] == name]
 
@@ -227,8 +239,9 @@ def _named(column: str) -> tuple[str, str]:
 
 def _factor(unit: str, units: dict[str, float]) -> float | None:
     """The size of a unit in any case of its letters, unless that would leave open which it is."""
+    unit = unit.translate(SPELLINGS)
     whole = unit.lower()
-    known = [u for u in units if u.lower() == whole and (whole not in AMBIGUOUS or u[0] == unit[0])]
+    known = [u for u in units if u.lower() == whole and (not whole.startswith(AMBIGUOUS) or u[0] == unit[0])]
     return units[known[0]] if known else None
 
 
@@ -237,19 +250,20 @@ def _first(columns: Columns, *names: str) -> str:
     return next((name for name in names if _find(columns, name)), names[0])
 
 
-def _column(path: Path, columns: Columns, name: str) -> Floats:
+def _column(path: Path, columns: Columns, name: str, parameter: str) -> Floats:
+    """The numbers of a column in SI units. parameter: what drives the deformation, for the error."""
     found = _find(columns, name)
     if not found:
         raise VisceraError(
             f"{path}: no column {name!r}; it has {', '.join(columns)}. "
-            "Give stretch and stress, or displacement and force, with a unit as in stress_kPa"
+            f"Give {parameter} and stress, or displacement and force, with a unit as in stress_kPa"
         )
     if len(found) > 1:
         raise VisceraError(f"{path}: the columns {' and '.join(found)} both are {name}; leave one")
     unit = _named(found[0])[1]
     factor = _factor(unit, {"": 1.0, **UNITS[name]})
     if factor is None:
-        known = "it takes none" if name == "stretch" else f"known: {', '.join(UNITS[name])}"
+        known = "it takes none" if UNITS[name] is RATIOS else f"known: {', '.join(UNITS[name])}"
         raise VisceraError(f"{path}: column {found[0]!r} has a unit that is not known of {name}, {unit!r}; {known}")
     return columns[found[0]] * factor
 

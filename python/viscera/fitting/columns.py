@@ -13,7 +13,7 @@ from viscera.errors import VisceraError
 from viscera.files.text import Line, is_number, number, read_table
 from viscera.mesh import Floats
 
-UNIT = re.compile(r"[^\W\d_]{0,3}|[-%]|mm/mm")
+UNIT = re.compile(r"[^\W\d_]{0,3}(/[^\W\d_]{1,2}(\^?2|²)?)?|[-%]")
 """What stands under a name in a line of units."""
 
 
