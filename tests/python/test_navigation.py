@@ -279,3 +279,8 @@ def test_the_scanned_posture_is_no_displacement_at_midpoints_either(bar: vs.Mesh
     assert rest.is_converged
     again = rest.organ.solve(gravity=DOWN, density=DENSITY)
     assert rest.from_scan(again).max_displacement < 1e-6 * bar.diagonal
+    bent = rest.organ.mesh.points + again.displacement - rest.scan.points  # the scan has straight edges
+    largest = float(np.linalg.norm(bent, axis=1).max()) / bar.diagonal
+    assert rest.midpoint_error == pytest.approx(largest if element == "P2" else 0.0, rel=1e-5)
+    assert (rest.midpoint_error > 1e-4) == (element == "P2")
+    assert rest.error < 1e-10
