@@ -187,6 +187,12 @@ NO_SET = "the mesh has no node set 'abc'"
             "[material.x > 50%]: NeoHookean takes either young and poisson, or mu and lam",
         ),
         (
+            'law = "NeoHookean"\nyoung = 1e5\npoisson = 0.3\n',
+            'law = "MooneyRivlin"\nc1 = 1e3\nc2 = -500\nkappa = 1e5\n'
+            '[material."x < 20%"]\nc1 = 2e3\n[material."x > 50%"]\nc1 = 1e2\n',
+            "[material.x > 50%]: MooneyRivlin: c1 + c2 of cell 16 is -400; it must be positive [Pa]",
+        ),
+        (
             "[loads]",
             "[material.abc]\nyoung = 2e5\n[loads]",
             "[material]: the part 'abc': the mesh has no cell set 'abc'",

@@ -12,7 +12,8 @@ import pytest
 
 import viscera as vs
 from viscera import _core
-from viscera.cases.case import case_of, material, read_case
+from viscera.cases.case import case_of, read_case
+from viscera.cases.material import material
 from viscera.law import LAWS, ROWS, from_core
 from viscera.viewer.live import live_case
 

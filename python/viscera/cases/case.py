@@ -54,17 +54,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
-from viscera import law, organs
+from viscera import organs
 from viscera.boundary.elastic_support import ElasticSupport
 from viscera.boundary.holding import AT_REST
-from viscera.cases import material_schema, schema
+from viscera.cases import schema
+from viscera.cases.material import material
 from viscera.errors import VisceraError, did_you_mean, naming
-from viscera.fibres import helical_fibres
 from viscera.files.mesh import metres_per_unit
 from viscera.members import words_of
-from viscera.mesh import Indices, Mesh, read
+from viscera.mesh import Mesh, read
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.progress import Progress
@@ -385,49 +383,3 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
             raise VisceraError(f"{folder / name}: no such file; name a mesh file, or a built-in organ as 'organ:liver'")
         raise VisceraError(f"{name}: a mesh file needs its units, such as 'mm' or 'm'")
     return read(folder / name, units=units)
-
-
-def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
-    """The law that a [material] table describes; its inner tables hold what differs in a part of the mesh."""
-    others = {place: part for place, part in words.items() if material_schema.is_part(place, part) and "law" in part}
-    with naming("[material]"):
-        whole = _one_law({name: value for name, value in words.items() if name not in others}, mesh)
-    if not others:
-        return whole
-    of_cell, laws = np.zeros(len(mesh.cells), dtype=int), [whole]
-    for place, part in others.items():
-        with naming(f"[material.{place}]"):
-            of_cell[mesh.cells_in(place)] = len(laws)
-            laws.append(_one_law(part, mesh))
-    return law.Several.of_cells(tuple(laws), of_cell)
-
-
-def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
-    """A law whose parameters may differ from part to part."""
-    parameters = {name: value for name, value in words.items() if not material_schema.is_part(name, value)}
-    kind = law.named(parameters.pop("law"))
-    if isinstance(parameters.get("fibres"), Mapping):
-        parameters["fibres"] = helical_fibres(mesh, **parameters["fibres"])
-    for place, part in words.items():
-        if not material_schema.is_part(place, part):
-            continue
-        with naming(f"the part {place!r}"):
-            cells = mesh.cells_in(place)
-        for name, value in part.items():
-            if name not in parameters:
-                raise VisceraError(f"{place!r} gives {name!r}, which the rest of the organ has no value for")
-            parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
-    return kind(**parameters)
-
-
-def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> Any:
-    """A parameter per cell: `value` in the given cells, unchanged in the others; lists (of terms) entry by entry."""
-    if isinstance(whole, list):
-        if not isinstance(value, list) or len(value) != len(whole):
-            raise VisceraError(f"{name} must be a list of {len(whole)} numbers, as elsewhere, got {value!r}")
-        return [_in_part(*pair, mesh=mesh, name=name) for pair in zip(whole, [cells] * len(whole), value, strict=True)]
-    if isinstance(value, list):
-        raise VisceraError(f"{name} must be one number, as elsewhere, got {value!r}")
-    values = np.array(np.broadcast_to(np.asarray(whole, dtype=float), len(mesh.cells)))
-    values[cells] = value
-    return values
