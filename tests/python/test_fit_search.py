@@ -16,6 +16,7 @@ from viscera.cli import fit as command
 from viscera.cli import main
 from viscera.fitting import condensed
 from viscera.fitting.condensed import N_KEPT
+from viscera.fitting.families import FAMILIES, family
 from viscera.fitting.homogeneous import incompressible_stress
 from viscera.fitting.problem import Problem
 from viscera.mesh import Floats
@@ -144,3 +145,31 @@ def test_a_start_whose_stress_no_number_holds_is_passed_over(law: str) -> None:
     stress = incompressible_stress(exact, vs.MaterialTest("equibiaxial", stretch, stretch))
     found = vs.fit(law, vs.MaterialTest("equibiaxial", stretch, stress))
     assert list(found.parameters.values())[1] == pytest.approx(0.1, rel=1e-6)
+
+
+def test_a_parameter_at_its_bound_is_marked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A neo-Hookean curve has no exponential stiffening: the smallest `b` is the best."""
+    stretch = np.linspace(0.7, 1.5, 9)
+    test = vs.MaterialTest("uniaxial", stretch, 1e3 * (stretch - stretch**-2))
+    found = vs.fit(vs.Fung, test)
+    assert found.at_bound == ("b",)
+    assert found.intervals["b"] is None
+    assert "b=0.001 (at its bound);" in repr(found)
+    assert "mu=999.654," in repr(found)
+    assert vs.fit(vs.NeoHookean, test).at_bound == ()
+    np.savetxt(
+        tmp_path / "a.csv", np.column_stack([stretch, test.stress]), delimiter=",", header="stretch,stress", comments=""
+    )
+    assert main(["fit", str(tmp_path / "a.csv"), "--law", "Fung", "--json", str(tmp_path / "r.json")]) == 0
+    assert "b = 0.001   (no interval: at its bound)" in capsys.readouterr().out
+    assert json.loads((tmp_path / "r.json").read_text())["fits"][0]["at_bound"] == ["b"]
+
+
+def test_the_page_names_the_bounds_of_exponents() -> None:
+    page = " ".join((Path(__file__).parents[2] / "docs/measured-laws.md").read_text(encoding="utf-8").split())
+    bullet = page[page.index("Exponents are searched within a range") :].partition(" - **")[0]
+    named = {"Ogden": "`alpha_p`", "Fung": "`b`", "VerondaWestmann": "`c2`", "ArrudaBoyce": "`lambda_m`"}
+    assert {name for name in FAMILIES if family(name).exponents} == set(named)
+    for law, parameter in named.items():
+        for low, high in family(law).exponent_bounds:
+            assert re.search(rf"{parameter}( and \S+ `c2`)? from {low:g} to {high:g}\b", bullet), law

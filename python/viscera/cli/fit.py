@@ -293,8 +293,10 @@ def _intervals(found: Fit) -> list[str]:
             exponent = found.vanishing[name]
             product = f"{name} {exponent} = {value * found.parameters[exponent]:.6g} Pa"
             band = f"{exponent} may be 0, the logarithmic strain: the curves determine {product}"
+        elif name in found.at_bound:
+            band = "no interval: at its bound"
         elif found.is_ranked:
-            band = "no interval: at its bound, or undetermined"
+            band = "no interval: undetermined"
         else:
             band = "no interval: as many parameters as points"
         lines.append(f"  {name} = {value:.6g}   ({band})")
@@ -306,6 +308,7 @@ def _json(found: Fit) -> dict[str, Any]:
         "law": found.name,
         "parameters": found.parameters,
         "intervals": found.intervals,
+        "at_bound": found.at_bound,
         "standard_error": found.standard_error,
         "aic": found.aic,
         "stable": found.is_stable,

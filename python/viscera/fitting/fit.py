@@ -61,6 +61,8 @@ class Fit(Sealed):
     vanishing: dict[str, str]
     """Each of Ogden's `mu_p` whose `alpha_p` may be zero by its interval, with that exponent, by name: the term is then
     that of the logarithmic strain, and the tests determine `mu_p alpha_p` alone. No exponent is below 0.001 in size."""
+    at_bound: tuple[str, ...]
+    """Parameters that a bound of the search holds, as docs/measured-laws.md lists them: the best may lie beyond."""
     standard_error: float
     """sqrt(SSE / (n - p)) [Pa], n different points off rest, p parameters; infinite if n = p."""
     sse: float
@@ -150,7 +152,8 @@ class Fit(Sealed):
         return draw(self, path)
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
+        marks = dict.fromkeys(self.at_bound, " (at its bound)")
+        values = ", ".join(f"{name}={value:.6g}{marks.get(name, '')}" for name, value in self.parameters.items())
         stable = "stable" if self.is_stable else "NOT stable over the range fitted"
         errors = f"standard error {self.standard_error:.4g} Pa, AIC {self.aic:.1f}"
         ranked = errors if self.is_ranked else "as many parameters as points"
@@ -292,6 +295,7 @@ def _result(problem: Problem) -> Fit:
         parameters=dict(zip(problem.kind.names, map(float, values), strict=True)),
         intervals=intervals | dict.fromkeys(vanishing),
         vanishing=vanishing,
+        at_bound=tuple(name for name, is_free in zip(problem.kind.names, free, strict=True) if not is_free),
         standard_error=float(np.sqrt(sse / (n - p))) if n > p else float("inf"),
         sse=sse,
         aic=float(n * np.log(max(sse, np.finfo(float).tiny) / n) + 2 * (p + 1)) if n > p else float("inf"),
