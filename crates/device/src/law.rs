@@ -94,6 +94,7 @@ mod recorded {
             Node::Exp(a) => (EXPONENTIAL, a, 0, 0.0),
             Node::Sqrt(a) => (SQUARE_ROOT, a, 0, 0.0),
             Node::Step(a) => (STEP, a, 0, 0.0),
+            Node::Wall(_) => return Err("the law has a pole".to_string()),
             Node::TraceOfPower(..) => {
                 return Err("the law has powers of the principal stretches".to_string());
             }

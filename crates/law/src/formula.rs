@@ -79,7 +79,8 @@ pub struct Formula {
 pub(super) const COMPONENTS: [&str; 6] = ["a0x", "a0y", "a0z", "a1x", "a1y", "a1z"];
 
 impl Formula {
-    /// The law of a text, see [`Expression::parse`]. Its energy counts from rest, whatever the text gives there.
+    /// The law of a text, see [`Expression::parse`]. Its energy counts from rest, whatever the text gives there, and ends
+    /// where a denominator vanishes.
     ///
     /// # Errors
     /// A text that is no formula, has no parameter or no invariant.
@@ -102,6 +103,7 @@ impl Formula {
             ));
         }
         expression.count_from_rest();
+        expression.end_at_poles();
         Self::of_expression(&expression)
     }
 

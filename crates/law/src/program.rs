@@ -169,6 +169,7 @@ fn listed(graph: &Graph, energy: Id) -> Vec<Node> {
             Node::Sqrt(a) => Node::Sqrt(place(a)),
             Node::Power(a, s) => Node::Power(place(a), place(s)),
             Node::Step(a) => Node::Step(place(a)),
+            Node::Wall(a) => Node::Wall(place(a)),
             Node::TraceOfPower(a, b, s) => Node::TraceOfPower(place(a), place(b), place(s)),
         })
         .collect()

@@ -236,6 +236,10 @@ impl<T: Scalar> Scalar for Gradient<T> {
     fn heaviside(&self) -> Self {
         Gradient { value: self.value.heaviside(), ..self.constant(0.0) }
     }
+    #[inline(always)]
+    fn wall(&self) -> Self {
+        Gradient { value: self.value.wall(), ..self.constant(0.0) }
+    }
 }
 
 impl<T: Scalar> Scalar for Hessian<T> {
@@ -283,5 +287,9 @@ impl<T: Scalar> Scalar for Hessian<T> {
     #[inline(always)]
     fn heaviside(&self) -> Self {
         Hessian { value: self.value.heaviside(), ..self.constant(0.0) }
+    }
+    #[inline(always)]
+    fn wall(&self) -> Self {
+        Hessian { value: self.value.wall(), ..self.constant(0.0) }
     }
 }

@@ -269,6 +269,11 @@ impl<T: Real> Scalar for Jet<T> {
         Jet::new(self.table, &[self.coefficient(0).heaviside()][..])
     }
 
+    #[inline(never)]
+    fn wall(&self) -> Self {
+        Jet::new(self.table, &[self.coefficient(0).wall()][..])
+    }
+
     /// `g D f = r f D g`.
     #[inline(never)]
     fn powf(&self, exponent: f64) -> Self {

@@ -82,6 +82,12 @@ pub trait Scalar:
     /// The constant 1 where the value is positive, 0 elsewhere: the switch of a one-sided law. A series goes by its
     /// constant term.
     fn heaviside(&self) -> Self;
+    /// The constant 0 where the value is positive, infinity elsewhere: the end of a law's domain. A series goes by its
+    /// constant term.
+    #[inline(always)]
+    fn wall(&self) -> Self {
+        self.heaviside().recip() + -1.0
+    }
     /// `self * self`.
     #[inline(always)]
     fn square(&self) -> Self {

@@ -4,6 +4,7 @@
 //! [`Symbol`]. It is differentiated term by term and laid out on a [`Tape`], which runs with any scalar.
 
 mod derivative;
+mod domain;
 mod parse;
 mod symbol;
 mod tape;
@@ -74,6 +75,8 @@ pub enum Node {
     Power(Id, Id),
     /// 1 where positive, else 0.
     Step(Id),
+    /// 0 where positive, else infinity, and so its slopes.
+    Wall(Id),
     /// `x_1^s + x_2^s + x_3^s` of the numbers with the elementary symmetric functions of the first two nodes and 1: the
     /// trace of a power of the isochoric `C`. The third, `s`, depends on no variable.
     TraceOfPower(Id, Id, Id),
@@ -107,6 +110,7 @@ fn key(node: Node) -> Key {
         Node::Power(a, s) => (11, 0, a, s),
         Node::Step(a) => (12, 0, a, 0),
         Node::TraceOfPower(a, b, s) => (13, u64::from(s), a, b),
+        Node::Wall(a) => (14, 0, a, 0),
     }
 }
 
@@ -155,7 +159,8 @@ impl Graph {
             | Node::Ln(a)
             | Node::Exp(a)
             | Node::Sqrt(a)
-            | Node::Step(a) => [Some(a), None, None],
+            | Node::Step(a)
+            | Node::Wall(a) => [Some(a), None, None],
             Node::TraceOfPower(a, b, s) => [Some(a), Some(b), Some(s)],
         };
         [a, b, c].into_iter().flatten()
@@ -340,6 +345,7 @@ impl Graph {
                 Node::Sqrt(a) => self.sqrt(at(a, &image)),
                 Node::Power(a, s) => self.power(at(a, &image), at(s, &image)),
                 Node::Step(a) => self.step(at(a, &image)),
+                Node::Wall(a) => self.insert(Node::Wall(at(a, &image))),
                 Node::TraceOfPower(a, b, s) => {
                     self.trace_of_power(at(a, &image), at(b, &image), at(s, &image))
                 }
@@ -400,12 +406,17 @@ impl Expression {
 
     /// Takes the energy at rest off.
     pub fn count_from_rest(&mut self) {
+        let rest = self.at_rest(self.energy);
+        self.energy = self.graph.sub(self.energy, rest);
+    }
+
+    /// The value of a node at rest.
+    fn at_rest(&mut self, id: Id) -> Id {
         let image = |graph: &mut Graph, leaf: Node| match leaf {
             Node::Variable(variable) => graph.number(variable.at_rest()),
             _ => graph.insert(leaf),
         };
-        let rest = self.graph.substitute(self.energy, &image);
-        self.energy = self.graph.sub(self.energy, rest);
+        self.graph.substitute(id, &image)
     }
 
     /// The energy of a dilatation, a function of `J` alone: `I1 = 3 J^(2/3)`, `I2 = 3 J^(4/3)`, and along fibres `I4 = J^e`,

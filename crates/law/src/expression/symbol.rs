@@ -130,6 +130,10 @@ impl Scalar for Symbol {
     fn heaviside(&self) -> Self {
         self.with(|graph| graph.step(self.id))
     }
+    /// Nothing: a record is of the energy where it has a value.
+    fn wall(&self) -> Self {
+        self.with(|graph| graph.number(0.0))
+    }
     fn trace_of_power(i1: &Self, i2: &Self, s: f64) -> Self {
         i1.with_number(s, |graph, s| graph.trace_of_power(i1.id, i2.id, s))
     }

@@ -32,6 +32,7 @@ enum Code {
     Sqrt,
     Power,
     Step,
+    Wall,
     TraceOfPower,
 }
 
@@ -90,6 +91,7 @@ impl Constants {
                 Node::Sqrt(a) => at(a).sqrt(),
                 Node::Power(a, s) => at(a).powf(at(s)),
                 Node::Step(a) => Scalar::heaviside(&at(a)),
+                Node::Wall(a) => Scalar::wall(&at(a)),
                 Node::TraceOfPower(a, b, s) => Scalar::trace_of_power(&at(a), &at(b), at(s)),
                 Node::Variable(_) => unreachable!("constants depend on no variable"),
             };
@@ -170,6 +172,7 @@ impl Tape {
                 Code::Sqrt => r[a].sqrt(),
                 Code::Power => r[a].powf(constants[c]),
                 Code::Step => r[a].heaviside(),
+                Code::Wall => r[a].wall(),
                 Code::TraceOfPower => trace(&r[a], &r[b], constants[c]),
             };
         }
@@ -290,14 +293,16 @@ impl<'a> Layout<'a> {
             | Node::Ln(a)
             | Node::Exp(a)
             | Node::Sqrt(a)
-            | Node::Step(a) => {
+            | Node::Step(a)
+            | Node::Wall(a) => {
                 let code = match node {
                     Node::Neg(_) => Code::Neg,
                     Node::Recip(_) => Code::Recip,
                     Node::Ln(_) => Code::Ln,
                     Node::Exp(_) => Code::Exp,
                     Node::Sqrt(_) => Code::Sqrt,
-                    _ => Code::Step,
+                    Node::Step(_) => Code::Step,
+                    _ => Code::Wall,
                 };
                 op = Op { code, a: self.take(a), ..op };
             }

@@ -216,3 +216,49 @@ fn what_gives_way_to_pressure_is_known() {
         assert_eq!(resists_collapse(&law, &row), resists, "{text}");
     }
 }
+
+/// A denominator that has changed its sign since rest leaves no energy and no stress, whatever it is made of; one that keeps
+/// its sign leaves both as they are.
+#[test]
+fn formulas_end_at_their_poles() {
+    let stretch = |l: f64| [[l, 0.0, 0.0], [0.0, l.powf(-0.5), 0.0], [0.0, 0.0, l.powf(-0.5)]];
+    let i1 = |l: f64| l * l + 2.0 / l;
+    let base = "mu/2*(I1bar - 3) + k/2*(J - 1)**2 + ";
+    type Term = fn(f64) -> f64;
+    // All poles are where I1 = 3.5, at a stretch of 1.44.
+    let terms: [(&str, Vec<f64>, Term); 6] = [
+        ("mu*(I1bar - 3)/(1 - (I1bar - 3)/0.5)", vec![], |x| x / (1.0 - x / 0.5)),
+        ("mu*(I1 - 3)**2/((I1 - 3 - L)**2*J)", vec![0.5], |x| (x / (x - 0.5)).powi(2)),
+        ("mu*(I1bar - 3)*(L - (I1bar - 3))**(-n)", vec![0.5, 3.0], |x| x * (0.5 - x).powi(-3)),
+        ("mu*(sqrt(1/(3.5 - I1bar)**2) - 2)**2", vec![], |x| ((0.5 - x).recip() - 2.0).powi(2)),
+        ("mu*(I2*0 + I1bar - 3)**2/(I1bar - 3.5)/(-1 - I1bar)", vec![], |x| {
+            x * x / (x - 0.5) / (-4.0 - x)
+        }),
+        ("mu*(I1bar - 3)/max(3.5 - I1bar, -1)", vec![], |x| x / (0.5 - x)),
+    ];
+    for (text, more, term) in terms {
+        let row = [vec![1e3, 1e4], more].concat();
+        let law = Material::new(&format!("formula {base}{text}"), vec![row.clone()]).unwrap();
+        let at = |l: f64| law.energy_and_stress(&row, &[stretch(l)])[0];
+        for l in [0.9, 1.3, 1.4] {
+            let (x, (energy, stress)) = (i1(l) - 3.0, at(l));
+            let exact = 1e3 * (0.5 * x + term(x));
+            assert!((energy - exact).abs() < 1e-9 * exact.abs(), "{text}: {energy} {exact}");
+            assert!(stress.iter().flatten().all(|p| p.is_finite()), "{text}: {stress:?}");
+        }
+        for l in [1.5, 2.0, 9.0] {
+            let (energy, stress) = at(l);
+            assert!(!energy.is_finite(), "{text}: {energy}");
+            assert!(!stress[0][0].is_finite(), "{text}: {stress:?}");
+        }
+    }
+    // No poles: a sum of invariants, and a power with a parameter that is not negative.
+    for (text, more) in [
+        ("mu/(I1 + J)*(I1bar - 3)", vec![]),
+        ("mu*(I1bar - 3)*(L - (I1bar - 3))**n", vec![0.5, 2.0]),
+    ] {
+        let row = [vec![1e3, 1e4], more].concat();
+        let law = Material::new(&format!("formula {base}{text}"), vec![row.clone()]).unwrap();
+        assert!(law.energy_and_stress(&row, &[stretch(9.0)])[0].0.is_finite(), "{text}");
+    }
+}

@@ -38,7 +38,7 @@ fn energy_of(program: &Program, row: &[f64], invariants: [f64; 3]) -> f64 {
             Node::Sqrt(a) => at(a).sqrt(),
             Node::Power(a, s) => at(a).powf(at(s)),
             Node::Step(a) => f64::from(u8::from(at(a) > 0.0)),
-            Node::Variable(_) | Node::TraceOfPower(..) => panic!("{node:?}"),
+            Node::Variable(_) | Node::Wall(_) | Node::TraceOfPower(..) => panic!("{node:?}"),
         };
         values.push(value);
     }
