@@ -221,6 +221,20 @@ def test_wrong_places_are_named_on_solving(folder: Path, old: str, new: str, wor
         read(folder, GOOD.replace(old, new, 1)).organ()
 
 
+def test_what_is_wrong_with_a_body_names_it(folder: Path) -> None:
+    def read_with(words: str) -> SceneCase:
+        sphere = '[[bodies]]\nshape = "Sphere"\nradius = 0.01\nposition = [0, 0, 5]\n'
+        return read(folder, GOOD.replace("[loads]", sphere + words + "\n[loads]"))
+
+    with pytest.raises(vs.VisceraError, match="number 2 of bodies: the rotation of a tool must be"):
+        read_with("rotation = [[2, 0, 0], [0, 2, 0], [0, 0, 2]]")
+    with pytest.raises(vs.VisceraError, match=r'must be .* or "bonded", got \'stick\' \(number 2 of bodies\)'):
+        read_with('friction = "stick"')
+    (folder / "organ.toml").write_text('mesh = "organ:beam"\n[[bodies]]\nshape = "HalfSpace"\n', encoding="utf-8")
+    with pytest.raises(vs.VisceraError, match=r"\[\[bodies\]\] belong to a scene, .* into \[organs.NAME\]"):
+        vs.case("organ.toml")
+
+
 def test_an_organ_is_turned_and_a_body_is_a_surface_file(folder: Path) -> None:
     """As the same scene by hand: the upper bar stands upright, and a block of a file takes the place of the table."""
     table = vs.mesh([[0, 0, -100], [400, 0, -100], [0, 400, -100], [0, 0, 0]], [[0, 1, 2, 3]])
@@ -285,7 +299,8 @@ def test_solve_writes_every_organ_and_says_what_is_between_them(
     assert facts["organs"]["upper"]["max_displacement"] == pytest.approx(largest)
     assert facts["contacts"][0]["force"] == pytest.approx(state.force(scene.contacts[0]))
     assert facts["springs"][0]["point"] == [0.4, 0.05, 0.4]
-    for line in ("largest displacement of 'upper'", "contact of 'lower/z > 99%' and 'upper'", "the body HalfSpace"):
+    body = "the body HalfSpace, number 1:"
+    for line in ("largest displacement of 'upper'", "contact of 'lower/z > 99%' and 'upper'", body):
         assert line in said
 
 

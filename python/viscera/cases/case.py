@@ -82,6 +82,8 @@ PLACED = ("displacement", "force", "traction", "pressure")
 """Loads that act at a place."""
 NAMES = {"reduce": "reduction"}
 """Attributes of a case whose name differs from the key in the file."""
+OF_SCENES = ("bonds", "springs", "contacts", "bodies")
+"""Tables that only a scene has."""
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
 
 
@@ -353,6 +355,13 @@ def case_of(words: Mapping[str, Any], folder: Path = Path(), file: str = "") -> 
             "a scene of several organs, and this takes one organ; `viscera solve`, `viscera view` and viscera.case "
             "take scenes"
         )
+    for table in OF_SCENES:
+        if table in words:
+            raise VisceraError(
+                f"[[{table}]] belong to a scene, and this is a case of one organ: move its mesh, units, fixed, "
+                "supports, element and [material] into [organs.NAME] and [organs.NAME.material], and put NAME/ before "
+                "the places in [loads]; in Python one organ takes tools by organ.solve(contact=[...])"
+            )
     schema.CASE(words, "a case")  # unknown keys, which a `Case` has no place for
     return Case(**{NAMES.get(name, name): word for name, word in words.items()}, folder=folder, file=file)
 

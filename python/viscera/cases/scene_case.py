@@ -176,8 +176,8 @@ class SceneCase(Solvable):
                 for words, pair in zip(self.contacts, organ.contacts, strict=True)
             ],
             "bodies": [
-                {"shape": words["shape"], **_contact(state.contact(body))}
-                for words, body in zip(self.bodies, organ.bodies, strict=True)
+                {"number": number, "shape": words["shape"], **_contact(state.contact(body))}
+                for number, (words, body) in enumerate(zip(self.bodies, organ.bodies, strict=True), 1)
             ],
         }
 
@@ -209,7 +209,11 @@ class SceneCase(Solvable):
             Spring(row["first"], row.get("second"), **_in_metres(_rest(row), ("point",))) for row in self.springs
         ]
         contacts = [ContactPair(*_sides(row), **_rest(row)) for row in self.contacts]
-        return [*bonds, *springs], contacts, [_body(row, folder) for row in self.bodies]
+        bodies = []
+        for number, row in enumerate(self.bodies, 1):
+            with naming(f"number {number} of bodies"):
+                bodies.append(_body(row, folder))
+        return [*bonds, *springs], contacts, bodies
 
 
 def read_any(path: str | os.PathLike[str]) -> Case | SceneCase:

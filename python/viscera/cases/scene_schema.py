@@ -86,17 +86,6 @@ class Rotation:
         return f"a rotation vector, {self.vector}; or the rows of a rotation matrix"
 
 
-class Friction:
-    """Coulomb's coefficient, or a bond."""
-
-    def __call__(self, value: Any, what: str) -> None:
-        if value != contact.BONDED:
-            contact.FRICTION(value, what)
-
-    def __str__(self) -> str:
-        return f'{contact.FRICTION}, or "{contact.BONDED}"'
-
-
 class Densities:
     """One density for all organs, or one for each."""
 
@@ -230,7 +219,7 @@ BODY = Body(
         "units": Key(Units(), "unit of the surface file", "required with `surface`"),
         "position": Key(InSpace(), "where its origin lies", "[0, 0, 0]"),
         "rotation": Key(Rotation(), "from its axes to those of space", "none"),
-        "friction": Key(Friction(), "Coulomb's coefficient", "0"),
+        "friction": Key(contact.FrictionOrBonded(), "Coulomb's coefficient", "0"),
         "displacement": Key(InSpace(), "motion in proportion to the load", "[0, 0, 0]"),
         "turn": Key(Vector("rad"), "rotation about its origin in proportion to the load", "[0, 0, 0]"),
         "stiffness": Key(Number(above=0), "factor of the layer between body and organ", f"{contact.STIFFNESS:g}"),

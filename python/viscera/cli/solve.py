@@ -48,7 +48,8 @@ def _say_between(facts: dict[str, Any], output: Output) -> None:
         output.say(f"  largest displacement of {name!r}: {1e3 * organ['max_displacement']:.4g} mm")
     for kind in ("bonds", "springs", "contacts", "bodies"):
         for each in facts[kind]:
-            between = each.get("shape") or f"{each['first']!r} and {_end(each)}"
+            is_body = kind == "bodies"
+            between = f"{each['shape']}, number {each['number']}" if is_body else f"{each['first']!r} and {_end(each)}"
             area = f" over {1e4 * each['area']:.4g} cm2" if "area" in each else ""
             force = ", ".join(f"{component:.4g}" for component in each["force"])
             gap = f", smallest gap {1e3 * each['gap']:.3g} mm" if math.isfinite(each.get("gap", math.inf)) else ""

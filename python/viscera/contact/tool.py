@@ -133,14 +133,17 @@ class Contact(Sealed):
     torque: Floats
     """Torque (3,) on the organ about the tool's origin [N m]."""
     area: float
-    """Area of contact [m^2], of the surface at rest."""
+    """Area of contact [m^2], of the surface at rest. Of a tool `(sum_i A_i sqrt(p_i))^2 / sum_i A_i p_i`, with the
+    shares `A_i` of the surface that nodes have and their pressures: exact for a uniform pressure, 0.96 of Hertz's area
+    on fine meshes, and too large where only a few nodes carry the tool; docs/contact.md. Of a contact pair the area of
+    the samples that touch."""
     gap: float
     """Smallest distance [m] of the tool from the surface, also of what a bonded tool holds; negative if the tool has
     entered the layer."""
     energy: float
     """Energy [J] stored in the layer and in the springs of friction."""
     dissipation: float
-    """Energy [J] dissipated by friction in the last step."""
+    """Energy [J] dissipated by friction in the last load step or frame."""
     touching: int
     """Number of samples of the surface that touch the tool."""
     sliding: int
@@ -149,8 +152,8 @@ class Contact(Sealed):
     """Whether the tool is inside the organ or has come through it, too thin or too fast for the samples of the surface
     to notice; then none of these numbers holds, and the frame has not settled. `Organ.solve` ends before that."""
     pressures: Floats
-    """Pressure (n,) at nodes [Pa], per area at rest: the mean of the samples around that touch; negative only where
-    bonded."""
+    """Pressure (n,) at nodes [Pa], per area at rest: the normal force on a node over its share of the surface, so that
+    it adds up to the force across the surface; smeared over a cell at the rim. Negative only where bonded."""
 
 
 def tools_of(contact: Sequence[Tool | AnyShape] | None, bodies: Sequence[Tool] = ()) -> list[Tool]:
@@ -184,16 +187,26 @@ def _shape(value: Any) -> AnyShape:
     return value
 
 
-def _friction(value: Any) -> float | str:
-    is_bonded = isinstance(value, str) and value == BONDED
-    return BONDED if is_bonded else FRICTION(value, "the friction of a tool")
+class FrictionOrBonded:
+    """Coulomb's coefficient, or the word for tissue that sticks."""
+
+    def __call__(self, value: Any, what: str) -> float | str:
+        if isinstance(value, str) and value == BONDED:
+            return BONDED
+        try:
+            return FRICTION(value, what)
+        except VisceraError:
+            raise refused(what, self, value) from None
+
+    def __str__(self) -> str:
+        return f'{FRICTION}, or "{BONDED}"'
 
 
 CHECKS: dict[str, Callable[[Any], Any]] = {
     "shape": _shape,
     "position": lambda value: vector(value, "the position of a tool", "m"),
     "rotation": rotation_matrix,
-    "friction": _friction,
+    "friction": lambda value: FrictionOrBonded()(value, "the friction of a tool"),
     "displacement": lambda value: vector(value, "the displacement of a tool", "m"),
     "turn": lambda value: vector(value, "the turn of a tool", ""),
     "stiffness": lambda value: Number(above=0)(value, "the stiffness of a tool"),
