@@ -239,6 +239,7 @@ REFUSED: list[tuple[str, Act]] = [
     ("the turn of forceps must be", lambda stepper, forceps: forceps.turn("x")),
     ("forceps open by must be", lambda stepper, forceps: forceps.open(-0.001)),
     ("the force of a squeeze must be", lambda stepper, forceps: forceps.squeeze(float("inf"), by=0.001)),
+    ("the largest step of a squeeze must be .* above 0", lambda stepper, forceps: forceps.squeeze(1.0, by=0)),
     ("were removed", lambda stepper, forceps: removed(forceps).close(0.001)),
     ("were removed", lambda stepper, forceps: removed(forceps).squeeze(1.0, by=0.001)),
     ("removed by itself", lambda stepper, forceps: without_a_jaw(forceps)._stepper.frame()),

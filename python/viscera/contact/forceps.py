@@ -217,7 +217,9 @@ class Forceps(Posed):
         '5.0 N'
         """
         self._must_be_there()
-        self._squeeze = Number("N", above=0.0)(force, "the force of a squeeze"), _step(by, "forceps close by")
+        what = "the largest step of a squeeze"
+        step = Number("m", above=0.0)(length_in_space(by, what), what)
+        self._squeeze = Number("N", above=0.0)(force, "the force of a squeeze"), step
 
     def remove(self) -> None:
         """Remove both jaws with the next frame.
