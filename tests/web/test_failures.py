@@ -172,3 +172,36 @@ def test_a_case_beyond_the_memory_is_a_sentence(tab: Any, case: Case) -> None:
     with Server({**files, "stepper.wasm": module, page.CASE: stepped.data}) as small:
         tab.goto(small.url)
         tab.get_by_text("more memory than this browser gives a page").wait_for()
+
+
+@pytest.mark.parametrize("missing", ["WebAssembly", "Worker", "WebSocket"])
+def test_what_the_browser_does_not_offer_is_named(tab: Any, server: Server, case: Case, missing: str) -> None:
+    tab.add_init_script(f"delete window.{missing};")
+    with serve_live(case, "Bar", in_page=missing != "WebSocket") as running:
+        tab.goto(running.url)
+        tab.get_by_text(f"this browser offers no {missing}").wait_for()
+        assert "allow it for this page, or use a newer browser" in tab.evaluate(IN_SIGHT)
+
+
+def test_a_cut_stepper_is_a_sentence(tab: Any, server: Server, case: Case) -> None:
+    files = page.stepping_files()
+    cut = files["stepper.wasm"][:100_000]
+    with Server({**files, "stepper.wasm": cut, page.CASE: live_case(case, "Bar").data}) as running:
+        tab.goto(running.url)
+        tab.get_by_text("stepper.wasm is cut or damaged; load this page again").wait_for()
+
+
+def test_an_exported_page_without_its_script_is_a_sentence(
+    tab: Any, touch: vs.Touch, tmp_path: Path, file_server: Callable[[Path], str]
+) -> None:
+    export(touch, tmp_path, "Bar")
+    script = tmp_path / "page.js"
+    whole = script.read_bytes()
+    for part in (whole[:-100], b""):
+        script.write_bytes(part)
+        tab.goto(file_server(tmp_path))
+        tab.get_by_text("This page cannot start: page.js is missing beside it, or cut.").wait_for()
+        assert tab.locator(".loading").count() == 0
+    script.unlink()
+    tab.goto(file_server(tmp_path))
+    tab.get_by_text("page.js is missing beside it, or cut. Load the page again").wait_for()

@@ -80,7 +80,21 @@ def _target(name: str | os.PathLike[str]) -> Path:
         raise VisceraError(f"{target} is a folder; name a file for the page, or a folder that does not end in .html")
     if not is_single(target) and target.exists() and not target.is_dir():
         raise VisceraError(f"{target} is a file; name a folder for the page, or a file that ends in .html")
+    if target.is_dir():
+        _require_own(target)
     return target
+
+
+def _require_own(folder: Path) -> None:
+    """Raise `VisceraError` where a page in the folder would replace files that are not of an earlier export."""
+    start = folder / page.START
+    if start.is_file() and page.is_own(start.read_bytes()):
+        return
+    if others := sorted(name for name in page.names() if (folder / name).exists()):
+        raise VisceraError(
+            f"{folder} holds {', '.join(others)}, which no earlier export wrote and the page would replace; "
+            "name another folder, or move them away"
+        )
 
 
 def is_single(target: str | os.PathLike[str]) -> bool:
@@ -94,8 +108,9 @@ def _write(folder: Path, files: Mapping[str, bytes], part: str) -> list[str]:
         with making(folder.parent), replacing(folder) as scratch:
             scratch.write_bytes(page.single(files, part))
         return []
+    files = {**files, page.START: page.watched(files[page.START])}
     # Renamed in the reverse order: the page comes when all that it needs is there, and nothing if one does not fit.
     with making(folder), ExitStack() as stack:
-        for name in sorted(files, key=lambda name: name != "index.html"):
+        for name in sorted(files, key=lambda name: name != page.START):
             stack.enter_context(replacing(folder / name)).write_bytes(files[name])
     return sorted(files)

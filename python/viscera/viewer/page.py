@@ -19,6 +19,8 @@ CONTENT_TYPES = {
     "viscera": "application/octet-stream",
     "case": "application/octet-stream",
 }
+START = "index.html"
+"""The file that a browser opens."""
 MODEL = "organ.viscera"
 """Name under which the page looks for its model."""
 CASE = "organ.case"
@@ -30,18 +32,43 @@ END = '<i id="end" hidden></i>'
 WATCH = """<script>
       addEventListener("DOMContentLoaded", () => {
         const loading = document.querySelector(".loading");
-        if (document.querySelector("script[data-opens]") && !loading) return;
+        if (%s) return;
         const sentence = document.createElement("p");
         sentence.className = "sentence";
-        sentence.textContent = document.getElementById("end")
-          ? "This page cannot start. Use a newer browser."
-          : "The end of this file is missing. Copy or download it again.";
+        sentence.textContent = %s;
         if (loading) loading.remove();
         document.body.append(sentence);
       });
     </script>
     """
-"""Says in a page of one file why it has not started: a browser does not run a script whose end is missing."""
+"""Says why a page has not started, where its script cannot: a browser does not run one whose end is missing."""
+OF_ONE_FILE = WATCH % (
+    'document.querySelector("script[data-opens]") && !loading',
+    """document.getElementById("end")
+          ? "This page cannot start. Use a newer browser."
+          : "The end of this file is missing. Copy or download it again.\"""",
+)
+OF_A_FOLDER = WATCH % (
+    "!loading || loading.dataset.begun",
+    '"This page cannot start: page.js is missing beside it, or cut. Load the page again, or copy its folder anew."',
+)
+ICON = '<link rel="icon" href="icon.svg" type="image/svg+xml" />'
+TITLE = b"<title>Viscera</title>"
+
+
+def names() -> set[str]:
+    """Names of all files that a page may have."""
+    return {*_built(), MODEL, CASE, *STEPPER}
+
+
+def is_own(start: bytes) -> bool:
+    """Whether a file is that with which a page starts, of this version or another one."""
+    return TITLE in start and b'src="page.js"' in start
+
+
+def watched(start: bytes) -> bytes:
+    """The file with which an exported page starts: it says what is missing where page.js does not come."""
+    return start.replace(ICON.encode(), f"{OF_A_FOLDER}{ICON}".encode())
 
 
 def files() -> dict[str, bytes]:
@@ -94,11 +121,11 @@ def single(files: Mapping[str, bytes], part: str) -> bytes:
     )
     # Nothing in the script may look like its end, or like a comment of the page.
     script = files["viewer.js"].decode().replace("</script", "<\\/script").replace("<!--", "<\\!--")
-    html = files["index.html"].decode()
+    html = files[START].decode()
     for old, new in (
         (
-            '<link rel="icon" href="icon.svg" type="image/svg+xml" />',
-            f'{WATCH}<link rel="icon" href="data:image/svg+xml;base64,{icon}" />',
+            ICON,
+            f'{OF_ONE_FILE}<link rel="icon" href="data:image/svg+xml;base64,{icon}" />',
         ),
         ('<link rel="stylesheet" href="page.css" />', f"<style>{files['page.css'].decode()}</style>"),
         (

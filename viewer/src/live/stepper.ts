@@ -32,7 +32,7 @@ class Stepper {
   static async open(bytes: Uint8Array, module: ArrayBuffer | null, wish: Wish): Promise<[Stepper, string]> {
     const device = new Device(wish);
     const imports = { page: { now: () => performance.now() }, gpu: device.imports };
-    const { instance } = await WebAssembly.instantiate(module ?? (await fetched("stepper.wasm")), imports);
+    const { instance } = await WebAssembly.instantiate(module ?? (await fetched("stepper.wasm")), imports).catch(damaged);
     const wasm = instance.exports as unknown as Exports;
     device.serve(wasm.memory);
     const open = device.waiting(wasm.case_open);
@@ -60,6 +60,11 @@ async function fetched(url: string): Promise<ArrayBuffer> {
   });
   if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
   return response.arrayBuffer();
+}
+
+/** In place of the browser's own words for a module that is no whole one. */
+function damaged(error: unknown): never {
+  throw new Error("stepper.wasm is cut or damaged; load this page again, or copy its folder anew", { cause: error });
 }
 
 /** A request that was not followed. */

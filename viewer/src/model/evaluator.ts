@@ -2,6 +2,7 @@
 import wasmUrl from "../../wasm/evaluator.wasm?url";
 import { bytesOf } from "./base64";
 import { requireRoom, withinMemory } from "./memory";
+import { requireOf } from "./needs";
 
 export type Vec3 = [number, number, number];
 export type Trust = "trusted" | "beyond-depth" | "error-too-large" | "no-number";
@@ -148,6 +149,7 @@ export class Evaluator {
 
   /** Reads the bytes of a model file; throws a sentence where they are none, or too many for the page's memory. */
   static async load(model: Uint8Array): Promise<Evaluator> {
+    requireOf("WebAssembly");
     requireRoom(model.length);
     const { instance } = await WebAssembly.instantiate(decode(wasmUrl), {});
     const wasm = instance.exports as unknown as Exports;
