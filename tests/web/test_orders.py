@@ -52,6 +52,25 @@ def off(touch: vs.Touch, point: Any, force: Any) -> float:
     return float(np.linalg.norm(np.subtract(force, exact)) / np.linalg.norm(exact))
 
 
+def test_the_stiffness_is_that_of_the_chosen_order(viewer: Viewer, touch: vs.Touch) -> None:
+    step = 1e-5
+
+    def told(what: str, push: Any) -> np.ndarray[Any, Any]:
+        viewer.call("touch", TOP, list(map(float, push)))
+        return np.array(viewer.state[what])
+
+    for order in (1, 2, 4):
+        viewer.call("setOrder", order)
+        ends = [[told("force", np.add(PUSH, sign * step * axis)) for sign in (1, -1)] for axis in np.eye(3)]
+        slope = np.transpose([(ahead - behind) / (2 * step) for ahead, behind in ends])
+        stiffness = told("stiffness", PUSH).reshape(3, 3)
+        assert stiffness == pytest.approx(slope, abs=1e-4 * np.abs(slope).max())
+    viewer.call("setOrder", 1)
+    linear = touch(viewer.state["point"], (0.0, 0.0, 0.0)).stiffness
+    assert told("stiffness", PUSH).reshape(3, 3) == pytest.approx(linear, abs=1e-5 * np.abs(linear).max())
+    assert f"{np.trace(linear) / 3:.0f} N/m" in viewer.page.locator(".readings dl").inner_text()
+
+
 def test_the_force_of_linear_theory_is_not_trusted_for_that_of_the_highest(viewer: Viewer, touch: vs.Touch) -> None:
     viewer.call("touch", TOP, PUSH)
     point, best = viewer.state["point"], touch(viewer.state["point"], PUSH)

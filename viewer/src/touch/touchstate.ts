@@ -6,6 +6,7 @@ import { doubtOf, doubtOfOrder, roomBeside, type Distances } from "../panels/dou
 import type { Answer, Evaluator, Felt, Vec3 } from "../model/evaluator";
 import { apart, displacementAt, distance, distances, norm, spreadError, typical } from "../model/field";
 import type { OrderReading, TouchReading } from "../panels/readings";
+import { stiffnessOf } from "../model/slope";
 import { strides } from "./strides";
 import type { Told } from "./told";
 
@@ -51,7 +52,9 @@ export class TouchState {
   /** Where its centre was when the hand took hold [m]. */
   outset: Vec3 = [0, 0, 0];
   answer: Answer;
+  /** Of the chosen order, as is its derivative (9) [N/m]. */
   force: Vec3 = [0, 0, 0];
+  stiffness: number[] = [];
   curves: Curves | null = null;
   /** The direction and the factor of the stiffness that the curves are of. */
   private sampled: number[] = [];
@@ -100,12 +103,12 @@ export class TouchState {
 
   /** The numbers of the touch in the chosen order, for programs: SI units. */
   numbers(order: number): Record<keyof typeof NOBODY, unknown> {
-    const { point, displacement, force, answer, orders } = this;
+    const { point, displacement, force, orders } = this;
     return {
       point,
       displacement,
       force,
-      stiffness: answer.stiffness,
+      stiffness: this.stiffness,
       error_estimate: this.forceError(order),
       is_trusted: !this.doubt(order),
       shape_error_estimate: this.fieldError(order),
@@ -120,7 +123,7 @@ export class TouchState {
   reading(order: number): TouchReading {
     const [force, isDoubtful] = [Math.hypot(...this.force), this.doubt(order) !== ""];
     const [error, shapeError] = [this.forceError(order), this.fieldError(order)];
-    return { force, depth: this.depth, stiffness: this.answer.stiffness, error, shapeError, isDoubtful };
+    return { force, depth: this.depth, stiffness: this.stiffness, error, shapeError, isDoubtful };
   }
 
   /** The touch as one would say it, and what it is worth if that is to be said, too. */
@@ -219,6 +222,8 @@ export class TouchState {
     const isBest = order === evaluator.about.metadata.order;
     this.field.set(isBest ? this.best : evaluator.surface(this.displacement, order, 1));
     this.force = this.felt && isBest ? this.answer.force : evaluator.force(this.displacement, order);
+    const step = 0.1 * evaluator.about.metadata.depth;
+    this.stiffness = isBest ? this.answer.stiffness : stiffnessOf((d) => evaluator.force(d, order), this.displacement, order, step);
   }
 
   /** Fills an order's reading from its field, which is also in slot 1. */
