@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.web.notebook import opened
+from tests.web.notebook import answered, opened
 
 import viscera as vs
 from viscera.reduced.touch import load_bytes
@@ -150,43 +150,10 @@ def test_a_state_is_looked_at(organ: vs.Organ, server: Server) -> None:
         widget.touch(TOP, PUSH)
 
 
-# A kernel that answers, in place of Jupyter's.
-ANSWERED = """<!doctype html><title>notebook</title><div id="cell"></div><script type="module">
-import widget from "./viewer.js";
-const heard = {};
-const traits = { model: new DataView(new ArrayBuffer(0)), height: 560, picture: "none", asked: { number: 0 } };
-const model = {
-    get: (name) => traits[name],
-    set: (name, value) => (traits[name] = value),
-    save_changes() {},
-    on: (name, hear) => (heard[name] ??= []).push(hear),
-    off() {},
-    async send({ request }) {
-        const reply = await window.kernel(request);
-        const isText = typeof reply === "string";
-        const parts = isText ? [] : [new DataView(Uint8Array.from(reply).buffer)];
-        heard["msg:custom"].forEach((hear) => hear(isText ? { words: reply } : {}, parts));
-    },
-};
-window.remove = await widget.render({ model, el: document.getElementById("cell") });
-</script>"""
-
-
 def test_a_solved_state_offers_nothing_to_hold_it_by(browser: Any, organ: vs.Organ, server: Server) -> None:
     pytest.importorskip("anywidget")
     widget = organ.solve(force={"tip": (0, 0, -20.0)}).view("Solved")
-
-    def kernel(request: str) -> Any:
-        reply = widget._played.reply(request)
-        return reply if isinstance(reply, str) else list(reply)
-
-    with Server({"index.html": ANSWERED.encode(), "viewer.js": widget._esm.encode()}) as notebook:
-        context = browser.new_context(bypass_csp=True, viewport={"width": 1000, "height": 700})
-        tab = context.new_page()
-        tab.set_default_timeout(60_000)
-        tab.expose_function("kernel", kernel)
-        tab.goto(notebook.url)
-        tab.wait_for_function("() => window.remove")
+    with answered(browser, widget, height=560) as tab:
         tools = tab.locator(".tools")
         expect(tools.get_by_role("button", name="Wireframe")).to_be_visible()
         for name in ("Push", "Drag", "Probe"):
@@ -195,7 +162,6 @@ def test_a_solved_state_offers_nothing_to_hold_it_by(browser: Any, organ: vs.Org
         tab.keyboard.press("?")
         expect(tab.locator(".help")).to_contain_text("Look at the organ")
         expect(tab.locator(".help")).not_to_contain_text("hold")
-        context.close()
 
 
 def test_a_state_from_a_scan_stands_where_it_is(organ: vs.Organ, server: Server) -> None:

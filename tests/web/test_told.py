@@ -212,3 +212,36 @@ def test_tissue_that_relaxes_is_not_coloured_by_stress(look_at: Look, organ: vs.
             seen.append(viewer.state["colouring"])
         assert seen == ["displacement", "tissue", "displacement"]
         viewer.close()
+
+
+def test_force_and_displacement_that_are_told_are_of_one_frame(live: Viewer) -> None:
+    """A hand that moves is told of where it was in the frame that its force is from."""
+    live.call("touch", TOP, [0.0, 0.0, -0.004])
+    settle(live)
+    before = live.page.evaluate("() => viscera.told")
+    told = live.page.evaluate("() => { viscera.move([0, 0, -0.02]); return viscera.told; }")
+    assert told == before
+    assert told["is_trusted"]
+    settle(live)
+    after = live.page.evaluate("() => viscera.told")
+    assert after["displacement"] == pytest.approx([0, 0, -0.02])
+    assert np.linalg.norm(after["force"]) > 3 * np.linalg.norm(before["force"])
+    live.call("rest")
+    settle(live)
+
+
+def test_a_force_that_the_page_marks_is_not_told_as_trusted(live: Viewer) -> None:
+    live.call("touch", TOP, [0.0, 0.0, -0.004])
+    settle(live)
+    doubts = """() => ["isUnstable", "cellsAtBound"].map((fact) => {
+        const { facts } = viscera.specimens[0];
+        facts[fact] = Number(facts[fact]) + 1;
+        const { is_trusted } = viscera.told;
+        facts[fact] -= 1;
+        return is_trusted;
+    })"""
+    assert live.page.evaluate("() => viscera.told.is_trusted")
+    # Standing compares with true and 0, as a frame brings them.
+    assert live.page.evaluate(doubts) == [False, False]
+    live.call("rest")
+    settle(live)

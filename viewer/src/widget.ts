@@ -67,7 +67,7 @@ function converse(view: View | LiveView, model: WidgetModel): () => void {
   const tell = () => {
     isWaiting = false;
     const { told } = view;
-    if (agree(told, known, view.depth)) return;
+    if (!told || agree(told, known, view.depth)) return;
     known = told;
     for (const name of NAMES) model.set?.(name, told[name]);
     model.save_changes?.();
@@ -78,8 +78,10 @@ function converse(view: View | LiveView, model: WidgetModel): () => void {
   };
   const follow = ({ point = null, displacement = null, force = null, is_trusted = null }: Partial<Told>) => {
     known = { point, displacement, force, is_trusted };
-    if (point && displacement) view.touch(point, displacement);
-    else view.rest();
+    if (!point || !displacement) return view.rest();
+    // A model answers in the page; a stepper that Python steps is held already.
+    if (view instanceof View) view.touch(point, displacement);
+    else view.watch(point, displacement);
   };
   const listener = () => follow(model.get("asked") ?? {});
   model.on?.("change:asked", listener);

@@ -37,8 +37,11 @@ class Played(Protocol):
     def release(self) -> None:
         """Let go."""
 
-    def reply(self, request: str) -> str | bytes:
-        """The kernel's answer to a request of the page: words, or a frame."""
+    def held(self) -> dict[str, Any]:
+        """Who holds the organ and where, beside a frame; nothing where nobody can."""
+
+    def reply(self, request: str, view: str = "") -> str | bytes:
+        """The kernel's answer to a request of a view, which has a name: words, or a frame."""
 
 
 class PlayedTouch:
@@ -65,7 +68,11 @@ class PlayedTouch:
     def release(self) -> None:
         """Does nothing: the model has no memory."""
 
-    def reply(self, request: str) -> str:
+    def held(self) -> dict[str, Any]:
+        """Nothing: each view has its own touch."""
+        return {}
+
+    def reply(self, request: str, view: str = "") -> str:
         """The page of a model asks for nothing."""
         return '{"error": "this model is evaluated in the page"}'
 
@@ -134,11 +141,13 @@ def _widget_class() -> type:
             self.asked = {"number": self.asked["number"] + 1, **asked}
 
         def _converse(self, _: Any, content: dict[str, Any], buffers: Any) -> None:
-            reply = self._played.reply(content.get("request", ""))
+            # Every view of this widget hears every answer: it says whose it is.
+            view = str(content.get("view", ""))
+            reply = self._played.reply(content.get("request", ""), view)
             if isinstance(reply, str):
-                self.send({"words": reply})
+                self.send({"view": view, "words": reply})
             else:
-                self.send({}, [reply])
+                self.send({"view": view, **self._played.held()}, [reply])
 
         def _ipython_display_(self) -> None:
             """A picture, which stays in a saved notebook and hides beside the live view; then the view."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from viscera.mesh import Floats, Mesh
 from viscera.scene import Scene
 from viscera.select import Lengths, offset
 from viscera.select import point as point_of
+from viscera.viewer.holder import Holder, takes
 from viscera.viewer.memory import Memory
 from viscera.viewer.notebook import Told, told
 from viscera.viewer.request import read
@@ -53,20 +55,24 @@ class PlayedStepper:
         name: str,
         gravity: Sequence[float] | None = None,
         left_out: Sequence[str] = (),
+        again: Callable[[], Stepper] | None = None,
+        notes: Mapping[str, Any] | None = None,
     ) -> None:
-        """Of a stepper, which `make` gives at first and whenever the page begins anew.
+        """Of a stepper, which `make` gives at first, and `again` whenever the page begins anew; by default `make`, too.
 
         gravity: acceleration (3,) [m/s^2] of the first frame, which the page may turn; without it the page has none to
             choose, and frames have none.
-        left_out: kinds of loads that the page says are not applied.
+        left_out: kinds of loads that the page says are not applied; notes: what else it says (`viewer/live.py`).
         """
-        self._make = make
+        self._again = again or make
         self._name = name
         self._gravity = gravity
         self._left_out = left_out
-        self._hands: list[tuple[Hand, Floats] | None] = [None, None]
-        self._has_stress = False
-        self._begin()
+        self._notes = notes or {}
+        self._hands: list[_Held | None] = [None, None]
+        self._holder = Holder()
+        self._stressed: set[str] = set()
+        self._start(make())
 
     def model(self) -> bytes:
         """None: the kernel steps."""
@@ -90,6 +96,7 @@ class PlayedStepper:
         push = offset(displacement, self._organ.mesh, "contact displacement")
         self._require_in_reach(push)
         self._act(0, {"grab": place, "move": push})
+        self._holder.view = None
         frame = self._settled()
         if not self._rest.is_reached:
             still, remedy = ("moves", "damping or a longer") if self._rest.moves else ("relaxes", "a longer")
@@ -98,15 +105,23 @@ class PlayedStepper:
                 f"give the stepper {remedy} time_step, or touch again to go on",
                 stacklevel=3,
             )
-        return told(place, push, self._force(frame, 0), frame.is_settled and self._rest.is_reached)
+        return told(place, push, self._force(frame, 0), is_sound(frame) and self._rest.is_reached)
 
     def release(self) -> None:
         """The first hand lets go, and the organ comes to where that leaves it."""
         self._act(0, {"release": True})
         self._settled()
 
-    def reply(self, request: str) -> str | bytes:
-        """The introduction, where nothing is asked for; else a frame, or a sentence that says why there is none."""
+    def held(self) -> dict[str, Any]:
+        """Who holds the organ, and what each hand holds: for views that show what others do."""
+        holder = self._holder.view if any(self._hands) else None
+        return {"holder": holder, "hands": [held and held.told() for held in self._hands]}
+
+    def reply(self, request: str, view: str = "") -> str | bytes:
+        """The introduction, where nothing is asked for; else a frame, or a sentence that says why there is none.
+
+        view: the name of the view that asks; who takes hold takes the organ from the view that holds it.
+        """
         if not request:
             return introduction(
                 self._surroundings,
@@ -114,41 +129,62 @@ class PlayedStepper:
                 gravity=self._gravity,
                 left_out=self._left_out,
                 has_stress=self._stepper._relaxation is None,
+                **self._notes,
             )
         try:
-            self._follow(read(request))
+            self._follow(read(request), view)
             frame = self._frame()
             if not np.isfinite(frame.displacement).all():
                 self._begin()
                 frame = self._frame()
-            stress = frame.von_mises("nodes") if self._has_stress else None
+            stress = frame.von_mises("nodes") if self._stressed else None
         except (VisceraError, ValueError) as error:
             return json.dumps({"error": str(error)})
         forces = [self._force(frame, k) for k in (0, 1)]
         return packed(self._surroundings, frame, forces, stress, is_at_rest=self._rest.is_reached)
 
     def _begin(self) -> None:
-        """A stepper that nobody holds; tools that it gets later are not shown."""
-        for hand in filter(None, self._hands):
-            hand[0].release()
+        """From rest, with nobody holding the organ."""
+        self._let_go()
+        self._start(self._again())
+
+    def _let_go(self) -> None:
+        for held in filter(None, self._hands):
+            held.hand.release()
         self._hands = [None, None]
-        self._stepper = self._make()
+
+    def _start(self, stepper: Stepper) -> None:
+        """A stepper that no hand of the page holds; tools that it gets later are not shown."""
+        self._stepper = stepper
         self._organ: Organ = self._stepper._organ
         self._surroundings = Surroundings(self._organ, tuple(self._stepper._tools))
         self._rest = Rest(self._stepper.velocity is not None, _memory(self._stepper))
 
-    def _follow(self, asked: Mapping[str, Any]) -> None:
+    def _follow(self, request: Mapping[str, Any], view: str) -> None:
+        asked = self._holder.may_do(view, request)
         if asked.get("stress") and self._stepper._relaxation is not None:
             raise VisceraError(
                 "the stress of tissue that relaxes is not shown: it depends on a past that frames do not hold"
             )
+        if takes(asked):
+            self._take_over(asked, view)
         if "laws" in asked:
             self._begin()
         self._act(0, asked)
         self._act(1, asked.get("second", {}))
         if self._gravity is not None:
             self._gravity = asked.get("gravity", self._gravity)
-        self._has_stress = asked.get("stress", self._has_stress)
+        if "stress" in asked:
+            (self._stressed.add if asked["stress"] else self._stressed.discard)(view)
+
+    def _take_over(self, asked: Mapping[str, Any], view: str) -> None:
+        """The organ is this view's from now on; where it cannot take hold, another one has not let go either."""
+        if self._holder.is_another(view):
+            for gesture in (asked, asked.get("second", {})):
+                if "grab" in gesture:
+                    self._patch(gesture["grab"], gesture.get("organ"))
+            self._let_go()
+        self._holder.view = view
 
     def _frame(self) -> Frame:
         frame = self._stepper.frame(gravity=self._gravity)
@@ -168,12 +204,13 @@ class PlayedStepper:
         held = self._hands[index]
         patch = self._graspable(index, gesture) if "grab" in gesture else None
         if held and (gesture.get("release") or patch):
-            held[0].release()
+            held.hand.release()
             held = self._hands[index] = None
         if patch:
-            held = self._hands[index] = (self._stepper.grasp(patch), np.asarray(gesture["grab"], float))
+            point = np.asarray(gesture["grab"], float)
+            held = self._hands[index] = _Held(self._stepper.grasp(patch), point, gesture.get("organ"))
         if held and "move" in gesture:
-            held[0].displacement = np.asarray(gesture["move"], float)
+            held.hand.displacement = np.asarray(gesture["move"], float)
 
     def _require_in_reach(self, push: Floats) -> None:
         """Raise `VisceraError` for a displacement (3,) [m] that the page would cut short."""
@@ -206,18 +243,34 @@ class PlayedStepper:
                 f"there is no free surface within {_millimetres(within)} mm of the point ({at}) mm; take hold elsewhere"
             ) from error
 
-    def _require_apart(self, patch: _core.Patch, other: tuple[Hand, Floats] | None) -> None:
+    def _require_apart(self, patch: _core.Patch, other: _Held | None) -> None:
         """Raise `VisceraError` if the other hand holds all but the same, which no frame could move apart."""
         if other is None:
             return
         rows = np.zeros((2, len(self._organ.mesh.points)))
-        rows[0, patch.nodes], rows[1, other[0]._nodes] = patch.weights, other[0]._weights
+        rows[0, patch.nodes], rows[1, other.hand._nodes] = patch.weights, other.hand._weights
         if rows[0] @ rows[1] > ONE_PLACE * np.prod(np.linalg.norm(rows, axis=1)):
             raise VisceraError("both hands hold the same place; take hold elsewhere")
 
     def _force(self, frame: Frame, index: int) -> Any:
         held = self._hands[index]
-        return frame.reaction(held[0]) if held else NOBODY
+        return frame.reaction(held.hand) if held else NOBODY
+
+
+@dataclass(frozen=True)
+class _Held:
+    """What a hand of the page holds."""
+
+    hand: Hand
+    point: Floats
+    """Where it took hold, at rest (3,) [m]."""
+    organ: str | None
+    """Of a scene, as the page names it."""
+
+    def told(self) -> dict[str, Any]:
+        """As a view shows it."""
+        named = {} if self.organ is None else {"organ": self.organ}
+        return {"point": self.point.tolist(), "displacement": np.asarray(self.hand.displacement).tolist(), **named}
 
 
 class PlayedState:
@@ -245,7 +298,11 @@ class PlayedState:
     def release(self) -> None:
         """Does nothing: there is no touch."""
 
-    def reply(self, request: str) -> str | bytes:
+    def held(self) -> dict[str, Any]:
+        """Nothing: nobody holds it."""
+        return {}
+
+    def reply(self, request: str, view: str = "") -> str | bytes:
         """The introduction, or the same frame again, with the stress if it is asked for."""
         state = self._state
         if not request:
@@ -255,6 +312,14 @@ class PlayedState:
         except (VisceraError, ValueError) as error:
             return json.dumps({"error": str(error)})
         return packed(self._surroundings, state, [NOBODY, NOBODY], stress)
+
+
+def is_sound(frame: Frame) -> bool:
+    """Whether the force of a frame may be relied on, as the page marks it (`standing` in `live/specimen.ts`).
+
+    It has settled, the organ is not about to buckle, and no cell has reached the limit of its deformation.
+    """
+    return frame.is_settled and not frame.is_unstable and frame.cells_at_bound == 0
 
 
 def _memory(stepper: Stepper) -> Memory | None:
@@ -278,6 +343,7 @@ def introduction(
     left_out: Sequence[str] = (),
     is_still: bool = False,
     has_stress: bool = True,
+    **notes: Any,
 ) -> str:
     """What the page needs before the first frame, as JSON: the organ at rest, and what stands around it."""
     organ = around.organ
@@ -297,6 +363,8 @@ def introduction(
             "left_out": list(left_out),
             "is_still": is_still,
             "has_stress": has_stress,
+            "axes": mesh.axes,
+            **notes,
             "rest": mesh.points[mesh.surface_nodes].ravel().tolist(),
             "triangles": rows.ravel().tolist(),
             **parts,

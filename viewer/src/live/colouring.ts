@@ -1,6 +1,6 @@
 // What the colour of stepped organs means: nothing, displacement or stress, all of them to one scale with its legend.
 import { PLASMA, VIRIDIS } from "../stage/colour";
-import type { Hello } from "./conversation";
+import type { Hello } from "./hello";
 import { KILOPASCALS, MILLIMETRES, type Legend } from "../panels/legend";
 import type { Specimen } from "./specimen";
 

@@ -1,5 +1,5 @@
 // The view of a case, once its stepper has introduced it.
-import { introduction, type Hello } from "./conversation";
+import { introduction, type Hello } from "./hello";
 import type { Link } from "./link";
 import { LiveView } from "./live";
 

@@ -1,35 +1,6 @@
 // What is said between a view and its stepper: one request at a time, the wishes of a moment gathered in it, frames back.
 import type { Vec3 } from "../model/evaluator";
-import type { Link } from "./link";
-import type { Around } from "../stage/surroundings";
-
-/** What the stepper says first (live/src/stage.rs, python/viscera/viewer/stepped.py). */
-export interface Hello extends Partial<Around> {
-  name: string;
-  laws: string[];
-  law: string;
-  diagonal: number;
-  radius: number;
-  /** Null where none can be chosen. */
-  gravity: Vec3 | null;
-  /** Kinds of loads of the case that are not applied. */
-  left_out?: string[];
-  /** The graphics processor that steps it, if one does. */
-  device?: string | null;
-  /** What the page's address asks for of it in vain. */
-  refusal?: string | null;
-  /** Whether it is a solved state, which no hand can move. */
-  is_still?: boolean;
-  /** False where it has no stress to colour by. */
-  has_stress?: boolean;
-  rest: number[];
-  triangles: number[];
-  /** Where it may be touched; everywhere if it is not said. */
-  touchable?: number[];
-  /** Of a scene, the names of its organs, and the number of each node's. */
-  organs?: string[];
-  organ_of?: number[];
-}
+import type { Link, Others } from "./link";
 
 /** What a hand does (live/src/request.rs). */
 export interface Gesture {
@@ -42,50 +13,54 @@ export interface Gesture {
 
 type Request = Gesture & { laws?: string[]; gravity?: Vec3; stress?: boolean; second?: Gesture };
 
-/** What the stepper says first; rejects with the sentence where it refuses. */
-export function introduction(link: Link): Promise<Hello> {
-  return new Promise((resolve, reject) => {
-    link.onClose = (sentence) => reject(new Error(sentence));
-    link.onMessage = (data) => {
-      const hello = JSON.parse(data as string) as Hello | { error: string };
-      if ("error" in hello) reject(new Error(hello.error));
-      else resolve(hello);
-    };
-  });
-}
-
-/** What stands below the title: the size of the organ, what steps it, and what of its case it is without. */
-export function factsOf({ rest, is_still, device, refusal, left_out }: Hello, place: string): string[] {
-  const stepped = device ? `stepped ${place} on ${device}` : `stepped ${place}`;
-  const said = [`${rest.length / 3} surface nodes`, is_still ? "a solved state" : stepped];
-  if (refusal) said.push(refusal);
-  if (left_out?.length) said.push(`loads of the case are not applied: ${left_out.join(", ")}`);
-  return said;
-}
+/** A request is overdue after this [ms], or after so many times what a frame takes, if that is longer. */
+const PATIENCE = 5000;
+const FRAMES = 10;
 
 export class Conversation {
-  /** Of a frame that has come: its numbers. */
-  onFrame: (numbers: Float32Array) => void = () => {};
+  /** Of a frame that has come: its numbers; the hands that are not this view's; whether it answers this view. */
+  onFrame: (numbers: Float32Array, others: Others | null, isAnswer: boolean) => void = () => {};
   /** What the stepper refused; and the hands that were to take hold by what it refused. */
   onComplaint: (sentence: string, refused: readonly number[]) => void = () => {};
+  /** An answer is overdue; the sentence says so. It may come all the same. */
+  onSilence: (sentence: string) => void = () => {};
   /** Why the stepper has gone: no frame comes any more. */
   onEnd: (sentence: string) => void = () => {};
   /** What a frame brings in words: why it is stepped another way from now on. */
   onNews: (sentence: string) => void = () => {};
   /** Whether an answer is under way. */
   isWaiting = false;
+  /** What the slowest frame so far has taken [ms]. */
+  slowest = 0;
+  private alarm = 0;
   private wanted: Request = {};
   /** The last request. */
   private asked: Request = {};
 
   constructor(private readonly link: Link) {
-    link.onMessage = (data) => this.receive(data);
-    link.onClose = (sentence) => this.onEnd(sentence);
+    link.onMessage = (data, others = null, isAnswer = true) => this.receive(data, others, isAnswer);
+    link.onClose = (sentence) => {
+      clearTimeout(this.alarm);
+      this.onEnd(sentence);
+    };
+  }
+
+  /** Nothing is asked for any more. */
+  end(): void {
+    clearTimeout(this.alarm);
+    this.link.close();
   }
 
   /** Whether something is wanted that has not been asked for. */
   get hasWishes(): boolean {
     return Object.keys(this.wanted).length > 0;
+  }
+
+  /** Whether a hand takes hold or lets go, or the organ begins anew, by what no answer has come to. */
+  get isActing(): boolean {
+    const requests = this.isWaiting ? [this.wanted, this.asked] : [this.wanted];
+    const acts = ({ grab, release, laws, second }: Request): boolean => Boolean(grab || release || laws || (second && acts(second)));
+    return requests.some(acts);
   }
 
   /** Adds to what the next request asks for. */
@@ -111,21 +86,26 @@ export class Conversation {
     this.wanted = others;
   }
 
-  /** Asks for a frame where something is wanted or moves; one at a time. */
-  ask(isMoving: boolean): void {
-    if (this.isWaiting || !this.link.isOpen || !(isMoving || this.hasWishes)) return;
+  /** Asks for a frame where something is wanted or moves; one at a time. Says whether it has. */
+  ask(isMoving: boolean): boolean {
+    if (this.isWaiting || !this.link.isOpen || !(isMoving || this.hasWishes)) return false;
     this.link.send(JSON.stringify(this.wanted));
     this.asked = this.wanted;
     this.wanted = {};
     this.isWaiting = true;
+    this.alarm = setTimeout(() => this.onSilence(this.link.silence), Math.max(PATIENCE, FRAMES * this.slowest));
+    return true;
   }
 
-  private receive(data: string | ArrayBuffer): void {
+  private receive(data: string | ArrayBuffer, others: Others | null, isAnswer: boolean): void {
     const said = typeof data === "string" ? (JSON.parse(data) as { error: string } | { news: string }) : null;
     if (said && "news" in said) return this.onNews(said.news);
-    this.isWaiting = false;
+    if (isAnswer) {
+      this.isWaiting = false;
+      clearTimeout(this.alarm);
+    }
     if (said) this.refuse(said.error);
-    else this.onFrame(new Float32Array(data as ArrayBuffer));
+    else this.onFrame(new Float32Array(data as ArrayBuffer), others, isAnswer);
   }
 
   /** The last request was not followed. If it was for a grasp, what it asked for beside that is asked for again. */

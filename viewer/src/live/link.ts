@@ -1,13 +1,25 @@
 // What steps a case: this machine behind a web socket, or a worker of this page. Both take the same requests and give the
 // same frames (live/src/lib.rs).
 import { absent, address, embedded } from "../model/files";
+import { requireOf } from "../model/needs";
+import type { Hand } from "./specimen";
+
+/** What hands hold that are not this view's: of Python, or of another view of the same organ. */
+export interface Others {
+  /** Whether they are another view's. */
+  isElsewhere: boolean;
+  hands: readonly (Omit<Hand, "normal"> | null)[];
+}
 
 /** Requests go out, the introduction and frames come in. */
 export interface Link {
   /** Where the frames are made, in words. */
   readonly place: string;
+  /** What is said while an answer is overdue. */
+  readonly silence: string;
   readonly isOpen: boolean;
-  onMessage: (data: string | ArrayBuffer) => void;
+  /** With a frame come the hands that are not this view's, if any hold it; and whether it answers another view. */
+  onMessage: (data: string | ArrayBuffer, others?: Others | null, isAnswer?: boolean) => void;
   /** The stepper is gone; the sentence says what to do. */
   onClose: (sentence: string) => void;
   send(request: string): void;
@@ -17,11 +29,13 @@ export interface Link {
 /** The stepper of this machine. */
 export class SocketLink implements Link {
   readonly place = "on this machine";
+  readonly silence = "The stepper does not answer. See whether viscera view still runs.";
   onMessage: Link["onMessage"] = () => {};
   onClose: Link["onClose"] = () => {};
   private readonly socket: WebSocket;
 
   constructor(url: string) {
+    requireOf("WebSocket");
     const address = new URL(url, location.href);
     address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
     this.socket = new WebSocket(address);
@@ -47,6 +61,7 @@ export class SocketLink implements Link {
 /** The stepper in a worker of this page, so that the page never waits for it. */
 export class WorkerLink implements Link {
   readonly place = "in this page";
+  readonly silence = "The stepper does not answer. If it stays so, reload this page.";
   isOpen = true;
   onMessage: Link["onMessage"] = () => {};
   onClose: Link["onClose"] = () => {};
@@ -54,6 +69,7 @@ export class WorkerLink implements Link {
 
   /** Takes the bytes of a case over. */
   constructor(bytes: ArrayBuffer) {
+    requireOf("WebAssembly", "Worker");
     // Beside the page: a file of its own, which only pages that step a case load. No module, as a browser runs none in
     // a worker of a page from a disk.
     this.worker = new Worker(address("stepper.js"));
@@ -85,36 +101,50 @@ export interface Kernel {
   send?(content: Message): void;
 }
 
-/** A request, or in words what the kernel says; frames come as buffers. */
+/** A request of a view; or, to all views, what the kernel answers to one of them in words, or beside a frame in a buffer. */
 interface Message {
+  view?: string;
   request?: string;
   words?: string;
+  /** The view that holds the organ; null where Python does, or nobody. */
+  holder?: string | null;
+  hands?: Others["hands"];
 }
 
 /** A stepper in the kernel of a notebook. */
 export class KernelLink implements Link {
   readonly place = "in the kernel";
+  readonly silence = "The kernel does not answer. It may be at work on a cell; if it was restarted, run the cells again.";
   isOpen = true;
   onMessage: Link["onMessage"] = () => {};
   onClose: Link["onClose"] = () => {};
-  private readonly listen = ({ words }: Message, buffers: DataView[]) => {
-    if (words !== undefined) return this.onMessage(words);
+  /** A name among the views of this widget. */
+  private readonly view = Math.random().toString(36).slice(2);
+  private readonly listen = (message: Message, buffers: DataView[]) => {
+    const isAnswer = message.view === this.view;
+    if (message.words !== undefined) return isAnswer && this.onMessage(message.words);
     const [frame] = buffers;
-    if (frame) this.onMessage(frame.buffer.slice(frame.byteOffset, frame.byteOffset + frame.byteLength) as ArrayBuffer);
+    if (!frame) return;
+    const numbers = frame.buffer.slice(frame.byteOffset, frame.byteOffset + frame.byteLength) as ArrayBuffer;
+    this.onMessage(numbers, this.othersOf(message), isAnswer);
   };
 
   constructor(private readonly kernel: Kernel) {
     kernel.on?.("msg:custom", this.listen);
     // The kernel introduces itself to whoever asks for nothing.
-    kernel.send?.({ request: "" });
+    this.send("");
   }
 
   send(request: string): void {
-    this.kernel.send?.({ request });
+    this.kernel.send?.({ view: this.view, request });
   }
 
   close(): void {
     this.isOpen = false;
     this.kernel.off?.("msg:custom", this.listen);
+  }
+
+  private othersOf({ holder = null, hands }: Message): Others | null {
+    return hands && holder !== this.view ? { isElsewhere: holder !== null, hands } : null;
   }
 }

@@ -1,14 +1,16 @@
 // A case in real time: every frame is asked for, from this machine or a worker; one organ, or two laws side by side.
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "../stage/body";
-import { Conversation, factsOf, type Hello } from "./conversation";
+import { Conversation } from "./conversation";
 import { element, followTheme, toggleTheme } from "../base/dom";
 import type { Vec3 } from "../model/evaluator";
 import { Gauge } from "../panels/gauge";
+import { factsOf, surfaceOf, type Hello } from "./hello";
 import { Hint } from "../panels/hint";
+import { Holding } from "./holding";
 import { listen, type Keyed } from "../hands/keys";
 import { Legend } from "../panels/legend";
-import type { Link } from "./link";
+import type { Link, Others } from "./link";
 import { colouringsOf, LivePainter, type LiveColouring } from "./colouring";
 import { LiveReadings } from "./readings";
 import { LiveTools } from "./tools";
@@ -21,18 +23,16 @@ import { Share, type Shared } from "../panels/share";
 import { Sight } from "../stage/sight";
 import { Speech } from "../panels/speech";
 import { Stage } from "../stage/stage";
-import { UNTOUCHED, type Told } from "../touch/told";
+import type { Told } from "../touch/told";
 import { forces, trouble } from "./verdict";
 import { headsetButton } from "../hands/xr";
 
-/** Below this residual, with nothing new wanted, no more frames are asked for. */
-const AT_REST = 1e-8;
+/** Said by a view that shows hands of another one of the same organ. */
+const ELSEWHERE = "The organ is held in another view. Take hold of it to go on here.";
 /** A hand stays within this part of the organ's diagonal (live/src/stage.rs, python/viscera/viewer/stepped.py). */
 const REACH = 0.5;
 
 export class LiveView implements Touched, Keyed, Shared {
-  /** None of a solved state, nor once the stepper has gone. */
-  hands: number;
   /** Work after a frame has been shown. */
   onTouch: () => void = () => {};
   tool: Tool = "drag";
@@ -45,7 +45,9 @@ export class LiveView implements Touched, Keyed, Shared {
   frames = 0;
   /** Whether a frame has come that has not been drawn. */
   private isFresh = false;
-  private readonly holding: [Hand | null, Hand | null] = [null, null];
+  private readonly holding: Holding;
+  /** Whether the stepper has gone, or an answer is overdue. */
+  private isAway = false;
   /** The graphics processor that steps the organ, if one does. */
   private device: string | null;
   /** What the stepper refused, or why it has gone; it stands until a frame comes. */
@@ -55,7 +57,7 @@ export class LiveView implements Touched, Keyed, Shared {
   private laws: string[];
   private readonly row: Row;
   private readonly conversation: Conversation;
-  private readonly surface: Surface;
+  readonly surface: Surface;
   readonly stage: Stage;
   readonly sight: Sight;
   readonly share: Share;
@@ -79,31 +81,25 @@ export class LiveView implements Touched, Keyed, Shared {
     private readonly hello: Hello,
     isEmbedded: boolean,
   ) {
-    this.surface = {
-      rest: Float32Array.from(hello.rest),
-      triangles: Uint32Array.from(hello.triangles),
-      touchable: Uint32Array.from(hello.touchable ?? hello.triangles),
-      diagonal: hello.diagonal,
-      organOf: hello.organ_of,
-      around: { bodies: hello.bodies ?? [], springs: hello.springs ?? 0 },
-    };
+    const surface = (this.surface = surfaceOf(hello));
     this.depth = 0.1 * hello.diagonal;
     this.reach = REACH * hello.diagonal;
     this.painter = new LivePainter(this.legend, this.depth, colouringsOf(hello));
     this.laws = [hello.law];
     this.device = hello.device ?? null;
     this.title = hello.name;
-    this.hands = hello.is_still ? 0 : 2;
+    this.conversation = new Conversation(link);
+    this.holding = new Holding(this.conversation);
     this.plan = new Plan(hello.name, hello.is_still ? "Turn the view." : "Press on the organ to take hold of it.", isEmbedded);
     const { root } = this.plan;
-    const { centre, facing } = lookOver(this.surface);
+    const { centre, facing } = lookOver(surface);
     this.stage = new Stage(this.plan.canvas, centre, hello.diagonal, hello.touchable ? facing : [0.2, -1, 0]);
     this.speech = new Speech(this.stage);
-    this.gauge = new Gauge(this.stage);
-    this.row = new Row(this.stage, this.surface, hello.radius, hello.laws, this.labels, this.gauge.root);
+    this.gauge = new Gauge(this.stage, hello.axes);
+    this.row = new Row(this.stage, surface, hello, this.labels, this.gauge.root);
     this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
     this.share = new Share(this.stage, this, root);
-    this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
+    this.hint = new Hint(this.stage, () => this.pointer.near(this.row.middle));
     this.tools = new LiveTools(this, hello, factsOf(hello, link.place), headsetButton(this.stage, this.row, this));
     this.readings = new LiveReadings(hello.laws, (laws) => this.setLaws(laws));
     this.readings.root.hidden = hello.is_still ?? false;
@@ -118,10 +114,9 @@ export class LiveView implements Touched, Keyed, Shared {
     this.pointer = new Pointer(this.stage, this.row, this);
     this.deaf = [listen(root, this), followTheme(root, () => {})];
     this.stage.onFrame = () => this.frame();
-    this.conversation = new Conversation(link);
-    this.conversation.onFrame = (numbers) => this.take(numbers);
+    this.conversation.onFrame = (numbers, others, isAnswer) => this.take(numbers, others, isAnswer);
     this.conversation.onComplaint = (sentence, refused) => this.complain(sentence, refused);
-    this.conversation.onEnd = (sentence) => this.lose(sentence);
+    this.conversation.onSilence = this.conversation.onEnd = (sentence) => this.lose(sentence);
     this.conversation.onNews = (sentence) => this.leaveDevice(sentence);
   }
 
@@ -129,9 +124,14 @@ export class LiveView implements Touched, Keyed, Shared {
     return this.row.specimens;
   }
 
+  /** None of a solved state, nor where the stepper does not answer. */
+  get hands(): number {
+    return this.hello.is_still || this.isAway ? 0 : 2;
+  }
+
   /** The first hand that holds the organ. */
   get held(): Hand | null {
-    return this.holding[0] ?? this.holding[1];
+    return this.holding.first;
   }
 
   get help(): HTMLDialogElement {
@@ -144,33 +144,41 @@ export class LiveView implements Touched, Keyed, Shared {
     if (this.hands === 0) return;
     this.hint.end();
     this.refusal = "";
-    const first = this.specimens[0]!;
-    const { rest: point, organ } = hit;
+    const { rest: point, organ: number } = hit;
     if (!this.held) this.begin();
-    const normal = first.body.normalAt(point, this.hello.radius, organ);
-    const displacement = first.displacementAt(point, organ);
-    this.hold({ point, normal, displacement, organ: organ === undefined ? undefined : this.hello.organs?.[organ] }, hand);
+    const organ = number === undefined ? undefined : this.hello.organs?.[number];
+    const displacement = this.specimens[0]!.displacementAt(point, number);
+    this.hold({ point, normal: this.row.normalAt(point, organ), displacement, organ }, hand);
   }
 
   private hold(held: Hand, hand: number): void {
-    this.holding[hand] = held;
-    this.conversation.gesture(hand, { grab: held.point, organ: held.organ, move: held.displacement });
+    this.holding.take(held, hand);
+    this.row.hide(this.holding.hands);
   }
 
   move(displacement: Vec3, hand = 0): void {
-    const held = this.holding[hand];
-    if (!held) return;
-    held.displacement = within(displacement, this.reach);
-    this.conversation.gesture(hand, { move: held.displacement });
+    // A hand that was taken over moves nothing until it takes hold anew.
+    if (!this.holding.hands[hand] || this.holding.isMirror) return;
+    this.holding.move(within(displacement, this.reach), hand);
     this.ask();
   }
 
   release(hand = 0): void {
-    if (!this.holding[hand]) return;
-    this.holding[hand] = null;
-    this.specimens.forEach((specimen) => specimen.letGo(hand));
-    this.conversation.gesture(hand, { release: true });
+    if (!this.holding.isMirror) this.letGo(hand);
+  }
+
+  private letGo(hand: number): void {
+    if (!this.holding.hands[hand]) return;
+    this.holding.release(hand);
+    this.row.hide(this.holding.hands);
     if (!this.held) this.onFree();
+  }
+
+  /** Shows a touch that Python has made: a hand at a point [m] that has moved so far [m]. */
+  watch(point: Vec3, displacement: Vec3): void {
+    this.holding.mirror([{ point, displacement, normal: this.row.normalAt(point) }]);
+    // Its force comes with the next frame.
+    this.specimens.forEach((specimen) => specimen.lose());
   }
 
   /** Waits until no hand holds on. */
@@ -180,20 +188,17 @@ export class LiveView implements Touched, Keyed, Shared {
 
   hover(hit: Hit | null): void {
     if (this.held) return;
-    const normal = hit && this.specimens[0]!.body.normalAt(hit.rest, this.hello.radius, hit.organ);
-    for (const specimen of this.specimens) {
-      if (hit) specimen.hover(hit.rest, normal!, hit.organ);
-      else specimen.letGo(0);
-    }
+    if (hit) this.row.hover(hit);
+    else this.row.hide([null]);
     this.stage.invalidate();
   }
 
   contact(hand = 0): Hand | null {
-    return this.holding[hand] ?? null;
+    return this.holding.hands[hand] ?? null;
   }
 
   reading(hand = 0): Reading | null {
-    return this.holding[hand] ? this.specimens[0]!.reading(hand) : null;
+    return this.holding.hands[hand] ? this.specimens[0]!.reading(hand) : null;
   }
 
   // What tools, keys and programs do.
@@ -202,7 +207,7 @@ export class LiveView implements Touched, Keyed, Shared {
   setLaws(laws: string[]): void {
     this.laws = laws;
     this.conversation.want({ laws });
-    this.holding.forEach((held, hand) => held && this.hold(held, hand));
+    this.holding.hands.forEach((held, hand) => held && this.hold(held, hand));
     this.begin();
     this.arrange();
   }
@@ -236,22 +241,24 @@ export class LiveView implements Touched, Keyed, Shared {
   }
 
   touchMiddle(): void {
-    const hit = this.hands > 0 ? this.pointer.near(this.middle) : null;
+    const hit = this.hands > 0 ? this.pointer.near(this.row.middle) : null;
     if (!hit) return;
     this.grab(hit);
     this.nudge(0, 0, 0.25);
   }
 
   nudge(right: number, up: number, inward: number): void {
-    const hand = this.holding.findIndex((found) => found !== null);
+    const hand = this.holding.hands.findIndex((found) => found !== null);
     if (hand < 0) return this.touchMiddle();
+    const held = this.holding.hands[hand]!;
+    if (this.holding.isMirror && this.hands > 0) this.hold(held, hand);
     const by = [right * this.depth, up * this.depth, inward * this.depth] as const;
-    this.move(nudged(this.stage, this.holding[hand]!, by), hand);
+    this.move(nudged(this.stage, held, by), hand);
   }
 
   rest(): void {
     this.refusal = "";
-    this.holding.forEach((_, hand) => this.release(hand));
+    this.holding.hands.forEach((_, hand) => this.letGo(hand));
     this.speak();
   }
 
@@ -307,7 +314,7 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** The sentence below a picture of the hand's forces. */
   caption(): string {
-    return this.held ? forces(this.specimens, this.holding) : "";
+    return this.held ? forces(this.specimens, this.holding.hands) : "";
   }
 
   /** The state in numbers, for programs: SI units. */
@@ -318,22 +325,16 @@ export class LiveView implements Touched, Keyed, Shared {
       device: this.device,
       laws: this.laws,
       held: this.held,
-      hands: this.holding,
+      hands: this.holding.hands,
       colouring: this.painter.colouring,
       frame: { rate: this.stage.pace.rate, step: this.step.value, drawing: this.stage.drawing.value },
       specimens: this.specimens.map(({ facts, field, stress }) => ({ ...facts, field: Array.from(field), stress: Array.from(stress) })),
     };
   }
 
-  /** The middle of the first organ at rest, where it stands [m]. */
-  private get middle(): Vec3 {
-    const { position } = this.specimens[0]!.place;
-    return new THREE.Vector3(...this.stage.centre).add(position).toArray();
-  }
-
   /** Where a point of the first organ at rest [m] is on the canvas, in CSS pixels. */
   project(point: Vec3): { x: number; y: number } {
-    return this.stage.project(new THREE.Vector3(...point).add(this.specimens[0]!.place.position));
+    return this.row.project(point);
   }
 
   // How it goes on.
@@ -360,37 +361,33 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** Asks for a frame where something is wanted or moves. */
   private ask(): void {
-    this.conversation.ask(this.specimens.some(({ facts }) => facts.residual > AT_REST || facts.taken < 1 || !facts.isSettled));
+    this.holding.ask(this.specimens.some(({ isMoving }) => isMoving));
   }
 
-  private take(numbers: Float32Array): void {
-    // A frame that was under way when the laws changed is of another number of organs.
-    if (numbers[0] !== this.specimens.length) return;
-    const size = (numbers.length - 1) / this.specimens.length;
+  private take(numbers: Float32Array, others: Others | null, isAnswer: boolean): void {
+    if (!this.row.take(numbers)) return;
     this.frames += 1;
-    this.specimens.forEach((specimen, k) => specimen.take(numbers.subarray(1 + k * size, 1 + (k + 1) * size)));
-    this.step.add(this.specimens.reduce((sum, { facts }) => sum + facts.milliseconds, 0));
-    this.complaint = "";
+    this.holding.note(others, isAnswer, (point, organ) => this.row.normalAt(point, organ));
+    this.row.hide(this.holding.hands);
+    this.step.add(this.row.milliseconds);
+    this.conversation.slowest = Math.max(this.conversation.slowest, this.row.milliseconds);
+    [this.isAway, this.complaint] = [false, ""];
     this.isFresh = true;
     this.stage.invalidate();
     // An organ on its way, or a hand that has moved, does not wait for the drawing.
     if (this.specimens.some(({ facts }) => !facts.isSettled) || this.conversation.hasWishes) this.ask();
   }
 
-  /** The touch of the first hand that holds on, for whom it is told to. */
-  get told(): Told {
-    const { held } = this;
-    if (!held) return UNTOUCHED;
-    const { force, second, isSettled } = this.specimens[0]!.facts;
-    const own = held === this.holding[0] ? force : second;
-    return { point: held.point, displacement: held.displacement, force: own, is_trusted: isSettled };
+  /** The touch, for whom it is told to; null where another view tells of it. */
+  get told(): Told | null {
+    return this.holding.told(this.specimens[0]!);
   }
 
   private show(): void {
     this.isFresh = false;
     const { specimens } = this;
     this.row.present(this.held !== null);
-    if (this.held) this.row.hold(this.holding);
+    if (this.held) this.row.hold(this.holding.hands);
     this.painter.show(specimens);
     this.readings.show(specimens);
     this.onTouch();
@@ -399,7 +396,8 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** Says how things stand, and what is the matter. */
   private speak(): void {
-    this.speech.say(this.caption(), this.complaint || this.refusal || trouble(this.specimens, this.holding));
+    const matter = this.holding.isElsewhere ? ELSEWHERE : trouble(this.specimens, this.holding.hands);
+    this.speech.say(this.caption(), this.complaint || this.refusal || matter);
   }
 
   /** The graphics processor is gone, and the processor steps the organ from where it was. */
@@ -410,9 +408,9 @@ export class LiveView implements Touched, Keyed, Shared {
     this.announce(sentence);
   }
 
-  /** The stepper has gone: nothing can be taken hold of, and the last force is no settled one. */
+  /** The stepper has gone, or is silent: nothing can be taken hold of, and the last force is no settled one. */
   private lose(sentence: string): void {
-    this.hands = 0;
+    this.isAway = true;
     this.complaint = sentence;
     this.specimens.forEach((specimen) => specimen.lose());
     this.stage.shape(() => this.show());
@@ -420,7 +418,8 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** A request was refused: hands that were to take hold in it have not. */
   private complain(sentence: string, refused: readonly number[]): void {
-    refused.forEach((hand) => this.release(hand));
+    [this.isAway, this.complaint] = [false, ""];
+    refused.forEach((hand) => this.letGo(hand));
     if (refused.length > 0) this.refusal = sentence;
     else this.complaint = sentence;
     this.speak();
@@ -437,7 +436,7 @@ export class LiveView implements Touched, Keyed, Shared {
 
   dispose(): void {
     this.deaf.forEach((end) => end());
-    this.link.close();
+    this.conversation.end();
     this.speech.dispose();
     this.share.dispose();
     this.pointer.dispose();

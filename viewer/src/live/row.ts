@@ -3,6 +3,7 @@ import type * as THREE from "three";
 import type { Hit, Surface } from "../stage/body";
 import type { Vec3 } from "../model/evaluator";
 import { lawName } from "../model/lawname";
+import type { Hello } from "./hello";
 import { Specimen, type Hand } from "./specimen";
 import type { Stage } from "../stage/stage";
 
@@ -25,9 +26,8 @@ export class Row {
   constructor(
     private readonly stage: Stage,
     private readonly surface: Surface,
-    private readonly radius: number,
-    /** Every law that may be chosen. */
-    private readonly laws: readonly string[],
+    /** Of the contact patch of a hand [m], and every law and every organ of a scene that may be chosen. */
+    private readonly about: Pick<Hello, "radius" | "laws" | "organs">,
     /** Holds what is written beside the arrows, and what it may not hide. */
     private readonly labels: HTMLElement,
     private readonly gauge: HTMLElement,
@@ -40,11 +40,11 @@ export class Row {
       this.stage.world.remove(specimen.place);
       specimen.dispose();
     }
-    const names = this.laws.map((law) => [law, lawName(law)] as [string, string]);
+    const names = this.about.laws.map((law) => [law, lawName(law)] as [string, string]);
     const places = this.places(laws.length);
     this.specimens = laws.map((law, k) => {
       const side = laws.length > 1 ? (["left", "right"][k] ?? "") : "";
-      const specimen = new Specimen(this.surface, this.radius, this.stage, this.gauge, names, law, side, (chosen) => choose(k, chosen));
+      const specimen = new Specimen(this.surface, this.about.radius, this.stage, this.gauge, names, law, side, (chosen) => choose(k, chosen));
       specimen.place.position.set(...places[k]!);
       specimen.body.outline.visible = shown.hasOutline;
       specimen.hasProbe = shown.hasProbe;
@@ -55,6 +55,20 @@ export class Row {
     if (!isOther) return;
     this.enclose();
     this.isExpecting = true;
+  }
+
+  /** Takes a frame; false for one that was under way when the laws changed, which is of another number of organs. */
+  take(numbers: Float32Array): boolean {
+    const { specimens } = this;
+    if (numbers[0] !== specimens.length) return false;
+    const size = (numbers.length - 1) / specimens.length;
+    specimens.forEach((specimen, k) => specimen.take(numbers.subarray(1 + k * size, 1 + (k + 1) * size)));
+    return true;
+  }
+
+  /** What the last frame took for all of them [ms]. */
+  get milliseconds(): number {
+    return this.specimens.reduce((sum, { facts }) => sum + facts.milliseconds, 0);
   }
 
   /** Whether the organs have come to where the loads hold them. */
@@ -89,6 +103,37 @@ export class Row {
     this.peak = Math.max(this.peak, ...settled.flatMap(({ sizes }) => sizes));
     const reference = this.peak || Math.max(...this.specimens.flatMap(({ sizes }) => sizes));
     this.specimens.forEach((specimen) => specimen.hold(hands, reference));
+  }
+
+  /** Marks where a hand would take hold. */
+  hover({ rest, organ }: Hit): void {
+    const normal = this.specimens[0]!.body.normalAt(rest, this.about.radius, organ);
+    this.specimens.forEach((specimen) => specimen.hover(rest, normal, organ));
+  }
+
+  /** Nothing is seen of hands that hold nothing. */
+  hide(hands: readonly (Hand | null)[]): void {
+    hands.forEach((held, hand) => held ?? this.specimens.forEach((specimen) => specimen.letGo(hand)));
+  }
+
+  /** The outward normal where a hand takes hold at a point at rest [m], of an organ of a scene. */
+  normalAt(point: Vec3, organ?: string): Vec3 {
+    const { radius, organs } = this.about;
+    return this.specimens[0]!.body.normalAt(point, radius, organ === undefined ? undefined : organs?.indexOf(organ));
+  }
+
+  /** The middle of the first organ at rest, where it stands [m]. */
+  get middle(): Vec3 {
+    return this.standing(this.stage.centre).toArray();
+  }
+
+  /** Where a point of the first organ at rest [m] is on the canvas, in CSS pixels. */
+  project(point: Vec3): { x: number; y: number } {
+    return this.stage.project(this.standing(point));
+  }
+
+  private standing(point: Vec3): THREE.Vector3 {
+    return this.specimens[0]!.place.position.clone().add({ x: point[0], y: point[1], z: point[2] });
   }
 
   /** Takes the organs into the first view, as they are. */

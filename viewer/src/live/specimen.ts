@@ -9,6 +9,7 @@ import { Grip } from "../hands/grip";
 import type { Reading } from "../hands/pointer";
 import type { Stage } from "../stage/stage";
 import { Surroundings } from "../stage/surroundings";
+import type { Told } from "../touch/told";
 
 /** Numbers of a body in a frame before its displacements (live/src/lib.rs). */
 export const FACTS = 14;
@@ -54,6 +55,9 @@ const AT_REST: Facts = {
   cellsAtBound: 0,
   steps: 0,
 };
+
+/** Below this residual no more frames are asked for. */
+const STILL = 1e-8;
 
 /** What a force is worth, in words. */
 export const WORTH: Record<Standing, string> = { sound: "settled", doubtful: "doubtful", unsettled: "not settled" };
@@ -136,7 +140,7 @@ export class Specimen {
     this.stress = numbers.slice(last);
   }
 
-  /** No frame comes any more: the force of the last one is that of no hand from now on. */
+  /** No frame has come of what is held now, or none comes any more: the force of the last one is that of no hand. */
   lose(): void {
     this.facts.isSettled = false;
   }
@@ -155,6 +159,12 @@ export class Specimen {
     for (const name of ["doubtful", "unsettled"]) this.root.classList.toggle(`is-${name}`, this.standing === name);
   }
 
+  /** Whether further frames bring it closer to equilibrium. */
+  get isMoving(): boolean {
+    const { residual, taken, isSettled } = this.facts;
+    return residual > STILL || taken < 1 || !isSettled;
+  }
+
   /** The force of the first hand [N]. */
   get size(): number {
     return this.sizes[0]!;
@@ -165,7 +175,7 @@ export class Specimen {
     return [Math.hypot(...this.facts.force), Math.hypot(...this.facts.second)];
   }
 
-  /** What the force is worth. */
+  /** What the force is worth; `is_sound` in python/viscera/viewer/stepped.py says the same of a touch from Python. */
   get standing(): Standing {
     const { isSettled, isUnstable, cellsAtBound } = this.facts;
     if (!isSettled) return "unsettled";
@@ -182,6 +192,12 @@ export class Specimen {
       arrow.show(at, k === 0 ? force : second, hand.normal, Math.max(reference, 1e-9), this.standing);
     });
     this.secondFact.hidden = !hands[1];
+  }
+
+  /** A hand as the last frame found it, to whom it is told; what the page marks is not trusted. */
+  told({ point, displacement }: Hand, hand: number): Told {
+    const { force, second } = this.facts;
+    return { point, displacement, force: hand === 0 ? force : second, is_trusted: this.standing === "sound" };
   }
 
   /** What is told beside the force of a hand. */

@@ -1,11 +1,12 @@
 // The controls of a case that is stepped: its name above, tools below, and the help.
 import { tissueOf } from "../stage/body";
 import { css } from "../stage/colour";
-import type { Hello } from "./conversation";
+import type { Hello } from "./hello";
 import { button, choice, element, helpDialog, Segments, write } from "../base/dom";
 import type { Vec3 } from "../model/evaluator";
 import { LIVE_KEYS, STILL_KEYS } from "../hands/keys";
 import type { LiveView } from "./live";
+import { endsOf, NAMES } from "../panels/gauge";
 import { colouringsOf, type LiveColouring } from "./colouring";
 import type { Tool } from "../hands/pointer";
 
@@ -26,10 +27,16 @@ const COLOURINGS: Record<LiveColouring, [LiveColouring, string, string]> = {
   stress: ["stress", "Stress", "colour by the von Mises stress"],
 };
 
-/** The choice, with the gravity of the case where that is another one. */
-function gravities(own: Vec3 | null): readonly [string, string][] {
-  const value = own?.join() ?? NONE;
-  return GRAVITIES.some(([known]) => known === value) ? GRAVITIES : [[value, "gravity of the case"], ...GRAVITIES];
+/** The choice, with the gravity of the case where that is another one; by the directions of a patient where they are known. */
+function gravities({ gravity, axes = "" }: Hello): readonly [string, string][] {
+  const value = gravity?.join() ?? NONE;
+  const ends = endsOf(axes);
+  const known = GRAVITIES.map(([each, words]): [string, string] => {
+    const along = each.split(",").findIndex((part) => Number(part) !== 0);
+    const end = ends?.[along]?.[each.includes("-") ? 1 : 0];
+    return [each, end ? `gravity to ${end}, ${NAMES[end]}` : words];
+  });
+  return known.some(([each]) => each === value) ? known : [[value, "gravity of the case"], ...known];
 }
 
 export class LiveTools {
@@ -69,7 +76,7 @@ export class LiveTools {
     this.outline = button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W");
     this.probe = button("Probe", "show probes in place of the forces' arrows", () => view.toggleProbe(), "F");
     this.hasProbe = this.hasOutline = false;
-    const pull = choice("gravity", gravities(gravity), (value) => view.setGravity(value.split(",").map(Number) as Vec3));
+    const pull = choice("gravity", gravities(hello), (value) => view.setGravity(value.split(",").map(Number) as Vec3));
     pull.value = gravity?.join() ?? NONE;
     pull.hidden = gravity === null;
     const reset = button("Reset", is_still ? "reset the view" : "start again from rest", () => view.reset(), "R");

@@ -8,9 +8,14 @@ import type { Stage } from "../stage/stage";
 const LONGEST = 110;
 const SIZE = 64;
 const SVG = "http://www.w3.org/2000/svg";
+/** What lies at the end of each axis, and at its beginning. */
+export function endsOf(axes: string): readonly (readonly [string, string])[] | null {
+  return ENDS[axes]?.map((end) => [end, OPPOSITE[end]!] as const) ?? null;
+}
+
 /** What lies at the end of each axis: to the right, to the front and up of a patient, or the opposite. */
 const ENDS: Record<string, readonly [string, string, string]> = { RAS: ["R", "A", "S"], LPS: ["L", "P", "S"] };
-const NAMES: Record<string, string> = { R: "right", L: "left", A: "anterior", P: "posterior", S: "superior", I: "inferior" };
+export const NAMES: Record<string, string> = { R: "right", L: "left", A: "anterior", P: "posterior", S: "superior", I: "inferior" };
 const OPPOSITE: Record<string, string> = { R: "L", L: "R", A: "P", P: "A", S: "I" };
 const COLOURS = ["#d1495b", "#3a9b4f", "#2f7cf6"] as const;
 

@@ -1,7 +1,8 @@
 // Two hands on a reduced model, which knows one contact: while both hold on, its organ is stepped by a worker of the page.
 import type { Body, Hit } from "../stage/body";
 import type { Painter } from "./colouring";
-import { Conversation, introduction } from "../live/conversation";
+import { Conversation } from "../live/conversation";
+import { introduction } from "../live/hello";
 import type { Display } from "./display";
 import { digits, element, write } from "../base/dom";
 import type { Vec3 } from "../model/evaluator";
@@ -10,6 +11,7 @@ import { lawName } from "../model/lawname";
 import { WorkerLink, type Link } from "../live/link";
 import type { Reading } from "../hands/pointer";
 import { indices } from "../model/safetensors";
+import { Holding } from "../live/holding";
 import { Specimen, type Hand } from "../live/specimen";
 import type { Stage } from "../stage/stage";
 import type { Told } from "../touch/told";
@@ -20,8 +22,6 @@ const WORDS =
   "With two hands the organ itself is stepped, without orders and without an estimated error; the reduced model has one contact.";
 /** Frames after which the stepped organ is shown even if it has not settled. */
 const PATIENCE = 20;
-/** Below this residual, with nothing new wanted, no more frames are asked for. */
-const AT_REST = 1e-8;
 
 export class Duet {
   /** Whether two hands have taken hold, and not yet all let go. */
@@ -34,7 +34,7 @@ export class Duet {
   private refusal = "";
   /** The hand that joined last. */
   private joined = 0;
-  readonly holding: [Hand | null, Hand | null] = [null, null];
+  private readonly holding: Holding;
   /** What the forces of a frame are multiplied by. */
   private times = 1;
   /** What is read off, in the place of the model's readings. */
@@ -67,15 +67,16 @@ export class Duet {
   private constructor(
     private readonly stage: Stage,
     private readonly display: Display,
-    private readonly link: Link,
+    link: Link,
     readonly specimen: Specimen,
     private readonly radius: number,
     private readonly painter: Painter,
   ) {
     this.conversation = new Conversation(link);
+    this.holding = new Holding(this.conversation);
     this.conversation.onFrame = (numbers) => this.take(numbers);
     this.conversation.onComplaint = (sentence, refused) => this.complain(sentence, refused);
-    this.conversation.onEnd = (sentence) => this.lose(sentence);
+    this.conversation.onSilence = this.conversation.onEnd = (sentence) => this.lose(sentence);
     specimen.place.visible = false;
     stage.world.add(specimen.place);
     const words = element("p", {}, WORDS);
@@ -106,30 +107,28 @@ export class Duet {
 
   /** Moves a hand to a displacement from where it took hold [m]. */
   move(displacement: Vec3, hand: number): void {
-    const held = this.holding[hand];
-    if (!held) return;
-    held.displacement = displacement;
-    this.conversation.gesture(hand, { move: displacement });
+    if (!this.holding.hands[hand]) return;
+    this.holding.move(displacement, hand);
     this.ask();
   }
 
   /** Outward normal where a hand took hold, and how far it has moved. */
   contact(hand: number): Hand | null {
-    return this.holding[hand] ?? null;
+    return this.holding.hands[hand] ?? null;
   }
 
   /** A hand lets go. What it held if it was the last one: then the stage is the model's again. */
   leave(hand: number): Hand | null {
-    const held = this.holding[hand]!;
+    const held = this.holding.hands[hand]!;
     this.release(hand);
-    if (this.holding.some(Boolean)) return null;
+    if (this.holding.first) return null;
     this.end();
     return held;
   }
 
   /** Leaves the stage to the model. */
   end(): void {
-    this.holding.forEach((held, hand) => held && this.release(hand));
+    this.holding.hands.forEach((held, hand) => held && this.release(hand));
     this.isPlaying = this.isShown = this.specimen.place.visible = this.display.isAway = false;
     this.root.hidden = true;
     this.follow();
@@ -137,7 +136,7 @@ export class Duet {
 
   /** What is told beside the force of a hand; null until it is known. */
   reading(hand: number): Reading | null {
-    return this.isShown && this.holding[hand] ? this.specimen.reading(hand) : null;
+    return this.isShown && this.holding.hands[hand] ? this.specimen.reading(hand) : null;
   }
 
   /** Asks for the next frame; says whether there is a new one to be shown. */
@@ -154,7 +153,7 @@ export class Duet {
     const { sizes, facts } = specimen;
     // A force on its way may be of any size: it does not set the scale.
     if (facts.isSettled) this.peak = Math.max(this.peak, ...sizes);
-    specimen.hold(this.holding, this.peak || Math.max(...sizes));
+    specimen.hold(this.holding.hands, this.peak || Math.max(...sizes));
     this.painter.colouring = this.display.painter.colouring;
     this.painter.show(specimen, 0);
   }
@@ -186,52 +185,48 @@ export class Duet {
   /** The forces in words, and what is the matter. */
   get inWords(): [string, string] {
     const stiffness = this.factor === 1 ? "" : ` Stiffness × ${digits(this.factor, 2)}.`;
-    const matter = this.complaint || this.refusal || trouble([this.specimen], this.holding);
-    return [`${forces([this.specimen], this.holding)}${stiffness}`, matter];
+    const matter = this.complaint || this.refusal || trouble([this.specimen], this.holding.hands);
+    return [`${forces([this.specimen], this.holding.hands)}${stiffness}`, matter];
   }
 
   /** Its part of the state in numbers: SI units. */
   get state(): Record<string, unknown> {
     const { facts, field } = this.specimen;
-    return { hands: this.holding, ...facts, field: Array.from(field) };
+    return { hands: this.holding.hands, ...facts, field: Array.from(field) };
   }
 
-  /** What the first hand does, to whom it is told; null where it has let go. */
+  /** What the first hand that holds on does, to whom it is told. */
   get told(): Told | null {
-    const [held] = this.holding;
-    const { force, isSettled } = this.specimen.facts;
-    return held && { point: held.point, displacement: held.displacement, force, is_trusted: isSettled };
+    return this.holding.told(this.specimen);
   }
 
   dispose(): void {
-    this.link.close();
+    this.conversation.end();
     this.stage.world.remove(this.specimen.place);
     this.specimen.dispose();
     this.root.remove();
   }
 
   private grab(held: Hand, hand: number): void {
-    this.holding[hand] = held;
-    this.conversation.gesture(hand, { grab: held.point, move: held.displacement });
+    this.holding.take(held, hand);
     this.ask();
   }
 
   private release(hand: number): void {
-    this.holding[hand] = null;
+    this.holding.release(hand);
     this.specimen.letGo(hand);
-    this.conversation.gesture(hand, { release: true });
     this.ask();
   }
 
   /** A hand that joined could not take hold: the other one holds on alone. */
   private complain(sentence: string, refused: readonly number[]): void {
-    const { joined, holding, isPlaying } = this;
+    const { joined, isPlaying } = this;
     if (refused.length === 0) this.complaint = sentence;
     if (!isPlaying) return;
     if (refused.length > 0) {
       this.refusal = sentence;
       this.release(joined);
-      const held = holding[1 - joined];
+      const held = this.holding.hands[1 - joined];
       if (held) this.grab(held, 1 - joined);
     }
     this.display.speech.say(...this.inWords);
@@ -247,14 +242,15 @@ export class Duet {
   }
 
   private ask(): void {
-    const { residual, taken, isSettled } = this.specimen.facts;
-    this.conversation.ask(residual > AT_REST || taken < 1 || !isSettled);
+    this.holding.ask(this.specimen.isMoving);
   }
 
   private take(numbers: Float32Array): void {
     this.specimen.take(numbers.subarray(1));
+    this.holding.note(null, true, () => [0, 0, 0]);
     this.scale(this.times);
     this.frames += 1;
+    this.complaint = "";
     this.isFresh = true;
     this.stage.invalidate();
     if (!this.isPlaying) return;
