@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.stepping.anew import begin_anew
 from viscera.viewer.stepped import PlayedStepper, radius
 
 TOP = (0.35, 0.05, 0.1)
 PUSH = (0.0, 0.0, -0.01)
 NOWHERE = (5.0, 5.0, 5.0)
-SETTLED = 9
+SETTLED, UNSTABLE = 9, 6
 
 
 @pytest.fixture(scope="module")
@@ -137,3 +138,77 @@ def test_stress_of_tissue_that_relaxes_is_refused_and_frames_still_come(organ: v
     assert "relaxes" in json.loads(shown.reply('{"stress": true}'))["error"]
     assert np.isfinite(frame(shown, grab=TOP, move=PUSH)).all()
     assert json.loads(played(organ.stepper()).reply(""))["has_stress"] is True
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"density": 1000, "time_step": 0.01, "dynamics": "newmark"},
+        {"time_step": 0.05, "relaxation": vs.Prony(g=[0.5], tau=[5.0])},
+    ],
+)
+def test_a_page_that_begins_anew_begins_from_rest(organ: vs.Organ, settings: dict[str, Any]) -> None:
+    stepper = organ.stepper(iterations=10, **settings)
+    shown = PlayedStepper(lambda: stepper, "Bar", again=lambda: begin_anew(stepper))
+    for _ in range(20):
+        frame(shown, grab=TOP, move=PUSH)
+    assert np.abs(stepper.displacement).max() > 5e-3
+    last = frame(shown, laws=["NeoHookean"])
+    assert np.abs(last[15:]).max() < 1e-9
+    assert np.abs(stepper.displacement).max() < 1e-9  # the notebook's own stepper
+    assert stepper.velocity is None or np.abs(stepper.velocity).max() < 1e-9
+    assert frame(shown, grab=TOP, move=PUSH)[3] < 0.0
+
+
+def test_a_stepper_that_begins_anew_keeps_its_tools_and_what_the_notebook_holds(organ: vs.Organ) -> None:
+    stepper = organ.stepper(iterations=20)
+    hand = stepper.grasp("tip")
+    hand.displacement = (0, 0, -0.02)
+    gone, tool = (stepper.tool(vs.Sphere(0.03), position=(0.2, 0.05, height)) for height in (0.3, 0.131))
+    gone.remove()
+    tool.move((0, 0, -0.005))
+    for _ in range(3):
+        before = stepper.frame()
+    begin_anew(stepper)
+    assert not stepper.displacement.any()
+    for _ in range(3):
+        after = stepper.frame()
+    size = np.linalg.norm(before.reaction(hand))
+    assert after.reaction(hand) == pytest.approx(before.reaction(hand), abs=1e-3 * size)
+    assert after.force(tool) == pytest.approx(before.force(tool), rel=1e-3, abs=1e-3 * size)
+
+
+def test_a_force_that_the_page_marks_is_not_trusted(organ: vs.Organ) -> None:
+    shown = played(organ.stepper(iterations=20))
+    # Pressed towards its root, so far that it is about to buckle.
+    told = shown.answer((0.4, 0.05, 0.05), (-0.15, 0.0, 0.0))
+    facts = frame(shown)
+    assert (facts[SETTLED], facts[UNSTABLE]) == (1.0, 1.0)
+    assert told["is_trusted"] is False
+
+
+def views(shown: PlayedStepper, view: str, **request: Any) -> dict[str, Any]:
+    """Who holds what after a request of a view."""
+    assert isinstance(shown.reply(json.dumps(request), view), bytes)
+    return shown.held()
+
+
+def test_the_view_that_took_hold_last_holds_the_organ(organ: vs.Organ) -> None:
+    shown = played(organ.stepper(iterations=10))
+    other = (0.2, 0.05, 0.1)
+    assert views(shown, "one", grab=TOP, move=PUSH)["holder"] == "one"
+    [held, _] = views(shown, "two", move=(0, 0, -0.03), release=True)["hands"]
+    assert held == {"point": list(TOP), "displacement": pytest.approx(PUSH)}
+    # What the other view cannot hold leaves the organ to the one that holds it.
+    assert "no free surface" in json.loads(shown.reply(json.dumps({"grab": NOWHERE}), "two"))["error"]
+    assert shown.held()["holder"] == "one"
+    taken = views(shown, "two", second={"grab": other, "move": PUSH})
+    assert (taken["holder"], taken["hands"][0]) == ("two", None)
+    assert len(shown._stepper._hands) == 1
+    assert views(shown, "one", release=True, second={"release": True})["holder"] == "two"
+    assert views(shown, "two", second={"release": True}) == {"holder": None, "hands": [None, None]}
+    # A touch from Python is nobody's: any view may let it go, and none moves it without taking hold.
+    shown.answer(TOP, PUSH)
+    assert views(shown, "one", move=(0, 0, -0.03))["hands"][0]["displacement"] == pytest.approx(PUSH)
+    assert views(shown, "two", release=True)["hands"] == [None, None]

@@ -79,6 +79,7 @@ class Stepper:
         self._may_float = settings["dynamics"] is not None
         self._time_step: float | None = settings["time_step"]
         self._relaxation: tuple[list[float], list[float]] | None = settings["relaxation"]
+        self._settings = settings
         self._core = _core.Stepper(organ._body, start=start, **settings)
         self._hold(self._motion)
         for body in organ._bodies:
@@ -211,10 +212,11 @@ class Stepper:
         >>> round(widget.force[2], 3), widget.is_trusted
         (-0.496, True)
         """
+        from viscera.stepping.anew import begin_anew
         from viscera.viewer.notebook import widget
         from viscera.viewer.stepped import PlayedStepper
 
-        return widget(PlayedStepper(lambda: self, name), height)
+        return widget(PlayedStepper(lambda: self, name, again=lambda: begin_anew(self)), height)
 
     def frame(
         self,
