@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,7 @@ from viscera import _core
 from viscera.cases.case import Case, read_case
 from viscera.viewer import Server, page
 from viscera.viewer.live import converse, live_case, matched
+from viscera.viewer.scene import live_scene
 
 CASE = """
 mesh = "bar.vtu"
@@ -311,3 +313,22 @@ def needs_page() -> None:
         page.files()
     except vs.VisceraError as error:
         pytest.skip(str(error))
+
+
+def test_gravity_without_a_density_is_refused_as_by_a_solve(case: Case, bar: vs.Mesh) -> None:
+    pulled = dataclasses.replace(case, loads={"gravity": [0.0, 0.0, -5.0]})
+    for made in (live_case, live_scene):
+        with pytest.raises(vs.VisceraError, match=r"gravity in \[loads\] needs the key density \[kg/m\^3\] there"):
+            made(pulled, "Bar")
+
+
+def test_the_page_is_told_of_the_axes_and_of_a_density_that_the_case_does_not_name(
+    case: Case, bar: vs.Mesh, tmp_path: Path
+) -> None:
+    organ = vs.Organ(dataclasses.replace(bar, axes="LPS"), vs.NeoHookean(young=1e5, poisson=0.4), fixed="root")
+    for loads, density in ({}, 1000.0), ({"density": 900.0}, None):
+        scanned = organ.to_case(tmp_path / "scanned.toml", loads=loads)
+        for made in (live_case, live_scene):
+            told = json.loads(made(scanned, "Bar").open()(""))
+            assert (told["axes"], told["assumed_density"]) == ("LPS", density)
+    assert json.loads(live_case(case, "Bar").open()(""))["axes"] == ""

@@ -4,7 +4,7 @@ import { load } from "./model/files";
 import { WorkerLink } from "./live/link";
 import { connect } from "./live/connect";
 import type { LiveView } from "./live/live";
-import { indices } from "./model/safetensors";
+import { indices, notesOf } from "./model/safetensors";
 import { sentenceOf } from "./panels/notice";
 import { View } from "./view/view";
 
@@ -19,7 +19,7 @@ export interface Hybrid {
 export async function hybrid(place: HTMLElement, caseUrl: string, modelUrl: string, isEmbedded: boolean): Promise<Hybrid> {
   const bytes = await load(caseUrl, () => {});
   // The model's own surface is touched, and nothing pulls at the organ.
-  const known = { touchable: Array.from(indices(bytes, "touchable")), gravity: null };
+  const known = { touchable: Array.from(indices(bytes, "touchable")), gravity: null, ...notesOf(bytes) };
   const first = await connect(place, new WorkerLink(bytes.buffer), isEmbedded, known);
   return { first, then: takeOver(place, first, [caseUrl, modelUrl], isEmbedded) };
 }

@@ -4,6 +4,7 @@ import { hybrid } from "./hybrid";
 import { SocketLink, WorkerLink } from "./live/link";
 import { connect } from "./live/connect";
 import type { LiveView } from "./live/live";
+import { notesOf } from "./model/safetensors";
 import { inWords, Notice, sentenceOf } from "./panels/notice";
 import { View } from "./view/view";
 import { render } from "./widget";
@@ -31,7 +32,11 @@ export async function openLive(place: HTMLElement, url: string): Promise<void> {
 
 /** Fetches a case, which a worker of this page steps, and fills the place with its view. */
 export async function openCase(place: HTMLElement, url: string): Promise<void> {
-  await show(place, async (say) => connect(place, new WorkerLink((await load(url, loading(say))).buffer), isFramed()));
+  await show(place, async (say) => {
+    const bytes = await load(url, loading(say));
+    const notes = notesOf(bytes);
+    return connect(place, new WorkerLink(bytes.buffer), isFramed(), notes);
+  });
 }
 
 /**

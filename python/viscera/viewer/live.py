@@ -19,15 +19,16 @@ from websockets.sync.server import ServerConnection
 from viscera import _core, defaults, law
 from viscera.boundary.holding import IN_PAGE
 from viscera.boundary.loads import density_per_cell
-from viscera.cases.case import PLACED, Case
+from viscera.cases.case import PLACED, Case, _require_density
 from viscera.cases.scene_case import SceneCase
 from viscera.errors import VisceraError, naming
+from viscera.mesh import Mesh
 from viscera.organ import Organ
 from viscera.quantity import refused
 from viscera.reduced.touch import Touch
 
 DENSITY = 1000.0
-"""Density of tissue [kg/m^3], for a case that names none."""
+"""Density of tissue [kg/m^3], by which the page's own gravity pulls where a case has no gravity and names none."""
 NOWHERE = (0.0, 0.0, 0.0)
 """No gravity [m/s^2]."""
 PAGE_UNKNOWNS = 10_000
@@ -55,6 +56,8 @@ class LiveCase:
     data: bytes
     unknowns: int
     """Degrees of freedom of the organ."""
+    notes: Mapping[str, Any]
+    """What the page says of it and no stepper needs; it is among the bytes, too."""
 
     @property
     def fits_a_page(self) -> bool:
@@ -64,10 +67,11 @@ class LiveCase:
     def open(self) -> Reply:
         """What answers the requests of one page."""
         live = _core.Live(self.data)
+        introduction = json.dumps({**json.loads(live.describe()), **self.notes})
 
         def reply(request: str) -> str | bytes:
             try:
-                return live.answer(request) if request else live.describe()
+                return live.answer(request) if request else introduction
             except ValueError as error:
                 return json.dumps({"error": str(error)})
 
@@ -81,6 +85,7 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
         raise refused("what a page steps", "a case of one organ, as viscera.case reads it", case)
     with naming(case.file):
         case.require_unloaded("view")
+        density, gravity = weight(case)
         organ = case.organ()
         organ._require_held(IN_PAGE)
     return _packed(
@@ -88,10 +93,33 @@ def live_case(case: Case | SceneCase, name: str) -> LiveCase:
         name,
         matched(organ.law),
         radius=defaults.RADIUS_FRACTION * organ.mesh.diagonal,
-        density=case.loads.get("density", DENSITY),
-        gravity=case.loads.get("gravity") or NOWHERE,
+        density=density,
+        gravity=gravity,
         left_out=left_out(case),
+        notes=notes_of(organ.mesh, case),
     )
+
+
+def weight(case: Case | SceneCase) -> tuple[Any, Sequence[float]]:
+    """Density and gravity of a case; raises `VisceraError` for gravity without a density.
+
+    A case with neither is given the density of tissue, for the gravity that the page may choose.
+    """
+    density = _density(case)
+    _require_density(case.loads, density, "loads")
+    return DENSITY if density is None else density, case.loads.get("gravity") or NOWHERE
+
+
+def _density(case: Case | SceneCase) -> Any:
+    """That of a case; None where it names none."""
+    density = case.loads.get("density")
+    return None if isinstance(density, Mapping) and not density else density
+
+
+def notes_of(mesh: Mesh, case: Case | SceneCase | None = None) -> dict[str, Any]:
+    """What a page says of an organ: the axes of its scan, and a density [kg/m^3] that its case does not name."""
+    assumed = case is not None and _density(case) is None
+    return {"axes": mesh.axes, "assumed_density": DENSITY if assumed else None}
 
 
 def left_out(case: Case | SceneCase) -> list[str]:
@@ -129,7 +157,16 @@ def first_case(touch: Touch, name: str) -> LiveCase | None:
     nodes = touch.surface_nodes
     touchable = np.searchsorted(nodes, touch.touchable_triangles).astype(np.uint32)
     own = {type(organ.law).__name__: organ.law}
-    live = _packed(organ, name, own, radius=touch.radius, density=DENSITY, gravity=NOWHERE, touchable=touchable)
+    live = _packed(
+        organ,
+        name,
+        own,
+        radius=touch.radius,
+        density=DENSITY,
+        gravity=NOWHERE,
+        touchable=touchable,
+        notes=notes_of(organ.mesh),
+    )
     return live if live.fits_a_page else None
 
 
@@ -141,6 +178,7 @@ def _packed(
     radius: float,
     density: ArrayLike,
     gravity: Sequence[float],
+    notes: Mapping[str, Any],
     left_out: Sequence[str] = (),
     **more: NDArray[Any],
 ) -> LiveCase:
@@ -163,7 +201,7 @@ def _packed(
         "gravity": [float(g) for g in gravity],
         "left_out": list(left_out),
     }
-    live = LiveCase(pack(about, arrays), mesh.points.size)
+    live = LiveCase(pack(about, arrays, notes), mesh.points.size, notes)
     _core.Live(live.data)
     return live
 
@@ -194,9 +232,9 @@ def converse(steppable: Steppable) -> Callable[[ServerConnection], None]:
     return handle
 
 
-def pack(metadata: dict[str, Any], arrays: Arrays) -> bytes:
-    """Metadata and arrays as safetensors bytes."""
-    header: dict[str, Any] = {"__metadata__": {"viscera": json.dumps(metadata)}}
+def pack(metadata: dict[str, Any], arrays: Arrays, notes: Mapping[str, Any]) -> bytes:
+    """Metadata, arrays and notes for the page alone as safetensors bytes."""
+    header: dict[str, Any] = {"__metadata__": {"viscera": json.dumps(metadata), "page": json.dumps(dict(notes))}}
     end = 0
     # Widest numbers first, as everything then lies aligned.
     ordered = sorted(arrays.items(), key=lambda item: -item[1].itemsize)

@@ -5,8 +5,9 @@ No page has contact, bonds, springs and supports in itself.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from viscera.boundary.holding import AT_REST
 from viscera.boundary.loads import Density
@@ -15,7 +16,7 @@ from viscera.cases.scene_case import SceneCase
 from viscera.errors import naming
 from viscera.organ import Organ
 from viscera.stepping.stepper import Stepper
-from viscera.viewer.live import DENSITY, NOWHERE, Reply, left_out
+from viscera.viewer.live import Reply, left_out, notes_of, weight
 from viscera.viewer.stepped import PlayedStepper
 
 ITERATIONS = 20
@@ -36,10 +37,12 @@ class LiveScene:
     gravity: Sequence[float]
     left_out: Sequence[str] = ()
     """Kinds of loads of its case that are not applied."""
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    """What the page says of it."""
 
     def open(self) -> Reply:
         """What answers the requests of one page."""
-        return PlayedStepper(self.stepper, self.name, self.gravity, self.left_out).reply
+        return PlayedStepper(self.stepper, self.name, self.gravity, self.left_out, notes=self.notes).reply
 
     def stepper(self) -> Stepper:
         """The organs at rest."""
@@ -52,8 +55,10 @@ def live_scene(case: Case | SceneCase, name: str) -> LiveScene:
     if isinstance(case, Case):
         with naming(case.file):
             case.require_unloaded("view")
-    density, gravity = case.loads.get("density") or DENSITY, case.loads.get("gravity") or NOWHERE
-    live = LiveScene(case.organ(), name, density, gravity, left_out(case))
+    with naming(case.file):
+        density, gravity = weight(case)
+    organ = case.organ()
+    live = LiveScene(organ, name, density, gravity, left_out(case), notes_of(organ.mesh, case))
     with naming(case.file):
         live.organ._require_held(AT_REST)
         live.stepper()  # what no page could be given, such as a body inside an organ, is refused here
