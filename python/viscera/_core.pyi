@@ -155,6 +155,8 @@ class Law:
     def name(self) -> str: ...
     @property
     def parameters(self) -> Floats: ...
+    def stresses(self) -> list[int]:
+        """The columns of the parameters to which, together, the energy is proportional."""
     def resists_collapse(self) -> list[bool]:
         """By row, whether the energy grows without bound as the volume vanishes."""
     def moduli(self) -> Floats:

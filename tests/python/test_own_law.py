@@ -15,6 +15,7 @@ from viscera import _core
 from viscera.cases.case import case_of, read_case
 from viscera.cases.material import material
 from viscera.law import LAWS, ROWS, from_core
+from viscera.reduced.vary import law_at
 from viscera.viewer.live import live_case
 
 NEO_HOOKEAN = "mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2"
@@ -116,8 +117,23 @@ def test_parameters_of_a_formula_may_differ_from_cell_to_cell(cube: vs.Mesh) -> 
     fibred = "mu/2*(I1bar - 3) + k1/k2*(exp(k2*(I4*J**(-2/3) - 1)**2) - 1) + k/2*(J - 1)**2"
     k1 = np.where(np.arange(len(cube.cells)) == 0, 0.0, 4e4)
     assert vs.StrainEnergy(fibred, mu=1e4, k1=k1, k2=1.1, k=2e5, fibres=FIBRES).stresses == (0, 1, 3)
-    with pytest.raises(vs.VisceraError, match="cannot determine which of its parameters scale the energy"):
-        _ = vs.StrainEnergy("mu*w*(I1bar - 3) + k*(J - 1)**2", mu=1e3, w=2.0, k=1e4).stresses
+    with pytest.raises(vs.VisceraError, match=r"cannot determine which of its parameters scale the energy.*; write"):
+        _ = vs.StrainEnergy("mu*(I1bar - 3) + mu**2*(J - 1)**2", mu=1e3).stresses
+
+
+@pytest.mark.parametrize(
+    ("formula", "stresses"),
+    [
+        (vs.StrainEnergy("mu/2*(I1bar - 3) + mu*r/2*log(J)**2", mu=1e3, r=5.0), (0,)),
+        (vs.StrainEnergy("mu*w*(I1bar - 3) + k*(J - 1)**2", mu=1e3, w=2.0, k=1e4), (0, 2)),
+    ],
+)
+def test_a_modulus_may_multiply_a_ratio(formula: vs.laws.Law, stresses: tuple[int, ...]) -> None:
+    assert formula.stresses == stresses
+    stiffer = law_at(formula, "young", 2.0 * float(formula.young[0]), np.empty(0, dtype=np.uint32), 1)
+    F = np.eye(3) + 0.1 * np.random.default_rng(3).standard_normal((4, 3, 3))
+    assert stiffer.stress(F) == pytest.approx(2.0 * formula.stress(F), rel=1e-12)
+    assert stiffer.young == pytest.approx(2.0 * formula.young, rel=1e-12)
 
 
 @pytest.mark.parametrize(

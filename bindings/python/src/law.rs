@@ -84,6 +84,11 @@ impl Law {
         convert::table(py, &rows.collect::<Vec<_>>())
     }
 
+    /// The columns of the parameters to which, together, the energy is proportional.
+    fn stresses(&self) -> PyResult<Vec<usize>> {
+        self.material.stresses().map_err(convert::error)
+    }
+
     /// Whether the energy grows without bound as the volume vanishes, by row.
     fn resists_collapse(&self) -> Vec<bool> {
         let rows = self.material.parameters().iter();

@@ -16,8 +16,21 @@ const ROUNDING: f64 = 1e-13;
 const SAME: f64 = 1e-6;
 /// Difference of two energies that are the same.
 const SAME_ENERGY: f64 = 1e-9;
+/// Largest number of parameters whose subsets are tried one by one.
+const MOST_TRIED: usize = 10;
 
 impl Material {
+    /// The parameters (columns) to which, together, the energy is proportional.
+    ///
+    /// # Errors
+    /// Several laws in one; a formula whose energy is not proportional to any of its parameters.
+    pub fn stresses(&self) -> Result<Vec<usize>, Error> {
+        let all: Vec<usize> = (0..self.parameters().len()).collect();
+        let (law, start) = law_of(self.name(), &all, self.parameters())?;
+        let rows: Vec<&[f64]> = self.parameters().iter().map(|row| &row[start..]).collect();
+        Ok(stresses(&law, &rows)?.into_iter().map(|k| start + k).collect())
+    }
+
     /// The law of `count` cells with another value in some of them, or in all if none are named:
     /// - "young" [Pa] multiplies all stresses s of a row with the modulus E(s), `s <- s young / E(s)`;
     /// - "poisson" keeps E: `mu = E / (2 (1 + nu))`, `lam = E nu / ((1 + nu) (1 - 2 nu))`.
@@ -118,6 +131,9 @@ fn lame(young: f64, poisson: f64) -> [f64; 2] {
 }
 
 /// The parameters to which, together, the energy is proportional.
+///
+/// Where two of them multiply each other, as a modulus and a ratio do, not all can be; the largest set is taken, and of
+/// those of one size the first. Another would be as good: the energy that it scales is the same.
 fn stresses(law: &SingleLaw<'_>, rows: &[&[f64]]) -> Result<Vec<usize>, Error> {
     if let Some(row) = law.row {
         return Ok(row.stresses());
@@ -137,20 +153,33 @@ fn stresses(law: &SingleLaw<'_>, rows: &[&[f64]]) -> Result<Vec<usize>, Error> {
             linear.push(k);
         }
     }
-    let mut all_scale = !linear.is_empty();
-    for row in tried {
-        let (once, twice) =
-            (energies(law.name, row, &[], 1.0)?, energies(law.name, row, &linear, 2.0)?);
-        all_scale &=
-            once.iter().zip(twice).all(|(a, b)| (b - 2.0 * a).abs() <= SAME_ENERGY * b.abs());
+    let scale = |columns: &Vec<usize>| tried.iter().all(|row| doubles(law.name, row, columns));
+    subsets(&linear).into_iter().find(scale).ok_or_else(|| {
+        Error::input(format!(
+            "{}: cannot determine which of its parameters scale the energy, so no young can be varied; write every \
+             term in proportion to one parameter in Pa, such as mu/2*(I1bar - 3) + mu*r/2*(J - 1)**2",
+            law.name
+        ))
+    })
+}
+
+/// The sets of some of the columns, the larger ones first; of many columns the set of all alone.
+fn subsets(columns: &[usize]) -> Vec<Vec<usize>> {
+    if columns.is_empty() || columns.len() > MOST_TRIED {
+        return vec![columns.to_vec()];
     }
-    if all_scale {
-        return Ok(linear);
-    }
-    Err(Error::input(format!(
-        "{}: which of its parameters scale the energy cannot be told, so its young cannot be set",
-        law.name
-    )))
+    let chosen = |set: u32| move |k: &usize| set >> k & 1 == 1;
+    let mut sets: Vec<u32> = (1..1 << columns.len()).collect();
+    sets.sort_by_key(|set| std::cmp::Reverse(set.count_ones()));
+    let each = |set: u32| (0..columns.len()).filter(chosen(set)).map(|k| columns[k]).collect();
+    sets.into_iter().map(each).collect()
+}
+
+/// Whether the energy of a row doubles with some of its parameters.
+fn doubles(name: &str, row: &[f64], columns: &[usize]) -> bool {
+    let Ok(once) = energies(name, row, &[], 1.0) else { return false };
+    let Ok(twice) = energies(name, row, columns, 2.0) else { return false };
+    once.iter().zip(twice).all(|(a, b)| (b - 2.0 * a).abs() <= SAME_ENERGY * b.abs())
 }
 
 /// What a parameter does to the energy.
@@ -229,6 +258,21 @@ mod tests {
             fibres.varied("poisson", 0.4, &[], 1).is_err(),
             "it is not made from a Poisson's ratio"
         );
+    }
+
+    #[test]
+    fn a_modulus_that_multiplies_a_ratio_scales_the_energy_alone() {
+        let of = |formula: &str, row: &[f64]| {
+            Material::new(&format!("formula {formula}"), vec![row.to_vec()]).unwrap().stresses()
+        };
+        let ratio = of("mu/2*(I1bar - 3) + mu*r/2*log(J)**2", &[1e3, 5.0]);
+        assert_eq!(ratio.unwrap(), [0]);
+        let weighted = of("w*mu*(I1bar - 3) + k*(J - 1)**2 + q*(J - 1)**4", &[2.0, 1e3, 1e4, 1e4]);
+        assert_eq!(weighted.unwrap(), [0, 2, 3], "of w and mu the first");
+        let squared = of("mu*(I1bar - 3) + mu**2*(J - 1)**2", &[1e3]);
+        assert!(squared.unwrap_err().to_string().contains("write every term in proportion"));
+        let fixed = of("mu*(I1bar - 3) + 1e4*(J - 1)**2", &[1e3]);
+        assert!(fixed.is_err(), "nothing scales a number");
     }
 
     /// Setting a law twice to a value, in two places of a program, is setting it once.
