@@ -102,7 +102,12 @@ def test_what_is_asked_for_beside_a_refused_grasp_is_done(live: Viewer) -> None:
 
 @pytest.mark.parametrize("in_page", [True, False], ids=["in this page", "on this machine"])
 def test_loads_that_are_not_applied_are_named(look_at: Look, server: Server, case: Case, in_page: bool) -> None:
-    loads = {"gravity": [0, 0, -1], "displacement": {"tip": [0, 0, -0.01]}, "force": {"x > 90%": [0, 0, -1]}}
+    loads = {
+        "gravity": [0, 0, -1],
+        "density": 1000,
+        "displacement": {"tip": [0, 0, -0.01]},
+        "force": {"x > 90%": [0, 0, -1]},
+    }
     with serve_live(replace(case, loads=loads), "Bar", in_page=in_page) as running:
         viewer = look_at(running.url)
         said = viewer.page.locator("header p").inner_text()
