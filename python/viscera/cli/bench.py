@@ -63,10 +63,10 @@ def _newton(args: argparse.Namespace, output: Output) -> Outcome:
 
     with progress.bar(output.is_quiet) as bar:
         rows = newton.run(**given, progress=bar, keep=keep)
-    output.say(f"{head}\n{newton.table(rows)}")
     if args.output is not None and any(not row.fault for row in rows):
         with replacing(Path(args.output) / "newton.png") as scratch:
             newton.plot(rows).savefig(scratch, format="png", dpi=150)
+    output.say(f"{head}\n{newton.table(rows)}")
     own = [row for row in rows if row.code.startswith("viscera") and row.fault]
     return Outcome("failed" if own else "measured", FAILED if own else DONE, newton.facts(rows))
 

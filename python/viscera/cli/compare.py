@@ -51,14 +51,14 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     laws = {name: law for name, law in laws.items() if name in wanted}
     with naming(case.file), progress.bar(output.is_quiet) as bar:
         result = compare(organ, laws=laws, reference=args.reference, progress=bar, **case.loading())
+    result.plot(picture)
+    result.write(differences)
     output.say(result.table())
     for name, each in result.runs.items():
         if not each.state.is_converged:
             output.say(f"{name} {each.state.status}: {each.state.message}")
     if hint := _other_reference(result, type(organ.law).__name__):
         output.say(hint)
-    result.plot(picture)
-    result.write(differences)
     output.say(f"picture: {picture}; every node and component: {differences}")
     facts = {**result.to_json(), "picture": str(picture), "differences": str(differences)}
     status, code = ("converged", DONE) if result.is_converged else ("a model did not converge", FAILED)

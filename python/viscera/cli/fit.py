@@ -108,10 +108,12 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         _refuse_of_specimen(args)
     with bar(output.is_quiet) as progress:
         fits, left_out = _ranked(tests, args, progress)
+    best = fits[0]
+    if args.plot is not None:
+        best.plot(args.plot)
     output.say("\n".join(map(repr, tests)))
     output.say(_table(fits))
     output.say_all(f"left out: {reason}" for reason in left_out)
-    best = fits[0]
     output.say(f"{'best by AIC' if best.is_ranked else 'not ranked'}: {best.law!r}")
     output.say("\n".join(_intervals(best)))
     for test, error in best.errors().items():
@@ -123,7 +125,6 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
             "and errors are not the law's; take a --poisson nearer to 0.5, or --compressible with a law of one modulus"
         )
     if args.plot is not None:
-        best.plot(args.plot)
         output.say(f"picture: {args.plot}")
     if not best.is_stable:
         output.say(f"{best.name} is not stable over the range fitted; take another law, or fewer terms")

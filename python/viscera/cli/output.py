@@ -16,7 +16,7 @@ import numpy as np
 
 from viscera.cases.case import Case
 from viscera.errors import VisceraError
-from viscera.files.atomic import Name, replacing, spare, writable
+from viscera.files.atomic import Name, NotWritten, replacing, spare, writable
 from viscera.organ import Organ
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141
@@ -151,19 +151,30 @@ def standard_error() -> Iterator[None]:
 
 
 def put(text: str, *, is_error: bool = False) -> None:
-    """Writes to standard output or standard error at once; raises `ReaderGone` or `VisceraError` if it cannot."""
+    """Writes to standard output or standard error at once; raises `ReaderGone` or `NotWritten` if it cannot.
+
+    What the stream's encoding has no sign for, such as a letter of a file's name, is escaped: `\\u043b`.
+    """
     if not is_error:
         _require_open("open it")
     stream, name = (sys.stderr, "standard error") if is_error else (sys.stdout, "standard output")
     try:
-        stream.write(text)
+        _write(stream, text)
         stream.flush()
     except BrokenPipeError:
         _abandon(stream)
         raise ReaderGone from None
     except OSError as error:
         _abandon(stream)
-        raise VisceraError(f"{name}: could not be written ({error.strerror})") from error
+        raise NotWritten(f"{name}: could not be written ({error.strerror})") from error
+
+
+def _write(stream: TextIO, text: str) -> None:
+    """A stream that can spell the text gets it as it is, also where that is by an error handler of the user's."""
+    try:
+        stream.write(text)
+    except UnicodeEncodeError as error:  # nothing of the text has been written
+        stream.write(text.encode(error.encoding, "backslashreplace").decode(error.encoding))
 
 
 def _abandon(stream: TextIO) -> None:

@@ -107,14 +107,14 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
             cloud, landmarks=landmarks, noise=noise, landmark_noise=landmark_noise, visible=args.visible,
             loaded=args.loaded, progress=bar,
         )  # fmt: skip
+    results = [(path, each) for path, each in ((args.output, found), (args.shape, found.state)) if path is not None]
+    for path, result in results:  # before anything is said: if that cannot be printed, they are there all the same
+        result.write(path)
     facts = _facts(found)
     output.say(f"{args.case}: {found.status}, {iterations(found.iterations)} in {found.seconds:.1f} s")
     output.say_all([found.message] if found.message else [])
     _say(found, facts, output)
-    for path, result in ((args.output, found), (args.shape, found.state)):
-        if path is not None:
-            result.write(path)
-            output.say(f"  written to {path}: {statefile.contents(path)}")
+    output.say_all(f"  written to {path}: {statefile.contents(path)}" for path, _ in results)
     return Outcome(found.status, DONE if found.status in USABLE else FAILED, facts)
 
 

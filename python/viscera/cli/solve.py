@@ -17,6 +17,7 @@ from viscera.cases.case import Case
 from viscera.cases.scene_case import SceneCase, read_any
 from viscera.cli.output import DONE, FAILED, Outcome, Output, iterations
 from viscera.navigation import Unloaded
+from viscera.organ import Organ
 from viscera.output import state as statefile
 from viscera.output.kind import CASE, require
 from viscera.state import State
@@ -32,9 +33,6 @@ WORDS = {
 
 
 def _say_unloaded(rest: Unloaded, name: str, output: Output) -> None:
-    if not rest.is_converged:
-        output.say(f"{name}: {rest.message}")
-        return
     moved = 1e3 * np.linalg.norm(rest.state.displacement, axis=1).max()
     output.say(
         f"{name}: loads of the scan taken off in {iterations(len(rest.errors))}, {rest.seconds:.2f} s; they move the "
@@ -86,18 +84,26 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     if isinstance(case, SceneCase):
         return _scene(args, case, output)
     organ = output.organ(case)
-    facts: dict[str, Any] = {}
+    if case.scan:
+        return _scanned(args, case, organ, output)
     with progress.bar(output.is_quiet) as bar:
-        if case.scan:
-            rest = case.unloaded(organ, bar)
-            _say_unloaded(rest, args.case, output)
-            facts["unloading"] = {"iterations": len(rest.errors), "error": rest.error, "message": rest.message}
-            if not rest.is_converged:
-                return Outcome("no unloaded shape", FAILED, facts)
-            state = case.predict(rest, bar)
-        else:
-            state = case.solve(organ, bar)
-    return _told(args, case, state, case.reactions(organ, state), facts, output)
+        state = case.solve(organ, bar)
+    _keep(args, state)
+    return _told(args, state, case.reactions(organ, state), {}, output)
+
+
+def _scanned(args: argparse.Namespace, case: Case, organ: Organ, output: Output) -> Outcome:
+    """Solve a case with a [scan], and say how its loads were taken off."""
+    with progress.bar(output.is_quiet) as bar:
+        rest = case.unloaded(organ, bar)
+        facts = {"unloading": {"iterations": len(rest.errors), "error": rest.error, "message": rest.message}}
+        if not rest.is_converged:
+            output.say(f"{args.case}: {rest.message}")
+            return Outcome("no unloaded shape", FAILED, facts)
+        state = case.predict(rest, bar)
+    _keep(args, state)
+    _say_unloaded(rest, args.case, output)
+    return _told(args, state, case.reactions(organ, state), facts, output)
 
 
 def _scene(args: argparse.Namespace, case: SceneCase, output: Output) -> Outcome:
@@ -108,18 +114,20 @@ def _scene(args: argparse.Namespace, case: SceneCase, output: Output) -> Outcome
         output.say_all(f"{name}: {message}" for message in organ.mesh.messages)
     with progress.bar(output.is_quiet) as bar:
         state = case.solve(scene, bar)
-    return _told(args, case, state, case.reactions(scene, state), case.facts(scene, state), output)
+    _keep(args, state)
+    return _told(args, state, case.reactions(scene, state), case.facts(scene, state), output)
+
+
+def _keep(args: argparse.Namespace, state: State) -> None:
+    """Write the solution, before anything is said of it: where that cannot be printed, it is there all the same."""
+    if args.output is not None:
+        state.write(args.output)
 
 
 def _told(
-    args: argparse.Namespace,
-    case: Case | SceneCase,
-    state: State,
-    reactions: dict[str, list[float]],
-    facts: dict[str, Any],
-    output: Output,
+    args: argparse.Namespace, state: State, reactions: dict[str, list[float]], facts: dict[str, Any], output: Output
 ) -> Outcome:
-    """Print and write the solution; `facts` are those that not every case has."""
+    """Print the solution; `facts` are those that not every case has."""
     words = "converged" if state.is_converged else f"did not converge ({state.message}); load reached {state.load:.3g}"
     output.say(f"{args.case}: {words}, {iterations(state.iterations)} in {state.seconds:.2f} s")
     output.say(f"  linear solver         {state.solver}")
@@ -135,7 +143,6 @@ def _told(
     if "organs" in facts:
         _say_between(facts, output)
     if args.output is not None:
-        state.write(args.output)
         output.say(f"  written to {args.output}: {statefile.contents(args.output)}")
     facts |= {
         "iterations": state.iterations,

@@ -63,34 +63,35 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     places = grid.Grid.of(image, grid.axes_of(mesh, args.axes))
     forward, inverse = (grid.on_grid(mesh, displacement, places, inverse=inverse) for inverse in (False, True))
     facts: dict[str, Any] = {"voxels": int(forward.inside.sum()), "voxels_moved": int(inverse.inside.sum())}
+    told = list[str]()  # said when all is written: if it cannot be printed, the images are there all the same
     if not (mesh.axes or args.axes):
-        output.say(f"  note          {args.state} does not state its axes; taken as {places.axes}, see --axes")
-    output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
+        told.append(f"  note          {args.state} does not state its axes; taken as {places.axes}, see --axes")
+    told.append(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
     if doubt:
-        output.say(f"{args.state}: {statefile.DOUBTS[doubt]}")
+        told.append(f"{args.state}: {statefile.DOUBTS[doubt]}")
     if args.output is not None:
         interpolation, why = (args.interpolation, "") if args.interpolation else _fitting(image)
         warped = warp(image, forward, inverse, interpolation=interpolation, background=args.background)
         grid.write(args.output, warped)
-        output.say(f"written to {args.output}, {interpolation} interpolation{why}")
-        facts |= {"interpolation": interpolation} | _labels(image, forward, interpolation, output)
+        told.append(f"written to {args.output}, {interpolation} interpolation{why}")
+        facts["interpolation"] = interpolation
+        if (labels := _labels(image, forward, interpolation)) is not None:
+            told.append(f"labels of the organ: {', '.join(map(str, labels))}; others stay where it does not cover them")
+            facts["labels_moved"] = labels
     for path, field in ((args.field, inverse), (args.forward_field, forward)):
         if path is not None:
             field.write(path)
-            output.say(f"field written to {path}")
+            told.append(f"field written to {path}")
+    output.say_all(told)
     if doubt:
         return Outcome(doubt.replace("_", " "), FAILED, facts | {"message": statefile.DOUBTS[doubt]})
     return Outcome("written", facts=facts)
 
 
-def _labels(image: Any, forward: grid.Field, interpolation: str, output: Output) -> dict[str, list[int]]:
-    """Which labels moved, said and as a fact; of an image nothing."""
+def _labels(image: Any, forward: grid.Field, interpolation: str) -> list[int] | None:
+    """Which labels moved; None for an image."""
     moved = labels_moved(image, forward) if interpolation == "nearest" else None
-    if moved is None:
-        return {}
-    labels = [int(label) for label in moved]
-    output.say(f"labels of the organ: {', '.join(map(str, labels))}; others stay where it does not cover them")
-    return {"labels_moved": labels}
+    return None if moved is None else [int(label) for label in moved]
 
 
 def _fitting(image: Any) -> tuple[str, str]:
