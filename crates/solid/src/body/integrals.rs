@@ -31,8 +31,8 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
     /// Adds the nodal forces of a force density that is constant in each cell.
     fn add_body_force(&self, of_cell: &dyn Fn(usize) -> [f64; 3], force: &mut [f64]);
 
-    /// Strain energy.
-    fn energy(&self, law: &dyn LawKernels, u: &[f64]) -> f64;
+    /// Strain energy, infinite if a volume ratio is out of a range.
+    fn energy(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2])) -> f64;
 
     /// Internal force, in place; returns the energy, infinite if a volume ratio is out of a range.
     fn force(
@@ -146,8 +146,8 @@ impl<E: Shape<N>, const N: usize> ElementIntegrals for CellBatches<E, N> {
         }
     }
 
-    fn energy(&self, law: &dyn LawKernels, u: &[f64]) -> f64 {
-        CellBatches::energy(self, law, Around::default(), u)
+    fn energy(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2])) -> f64 {
+        CellBatches::energy(self, law, Around::default(), at)
     }
 
     fn force(

@@ -23,12 +23,17 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         self.batches.len().div_ceil(Self::TASK)
     }
 
-    /// Strain energy [J]; infinite if a cell is inverted and the law forbids that.
-    pub fn energy(&self, law: &dyn LawKernels, around: Around<'_>, u: &[f64]) -> f64 {
+    /// Strain energy W [J]; infinite if the law forbids inversion and the `J` of a cell is outside `range`.
+    pub fn energy(
+        &self,
+        law: &dyn LawKernels,
+        around: Around<'_>,
+        (u, range): (&[f64], [f64; 2]),
+    ) -> f64 {
         let of_task = |task: usize| {
             let first = task * Self::TASK;
             let last = self.batches.len().min(first + Self::TASK);
-            dispatch_solver(EnergyKernel { cells: self, first, last, law, around, u })
+            dispatch_solver(EnergyKernel { cells: self, first, last, law, around, u, range })
         };
         let n = self.n_tasks();
         if share(n) {
@@ -142,13 +147,14 @@ struct EnergyKernel<'a, E, const N: usize> {
     law: &'a dyn LawKernels,
     around: Around<'a>,
     u: &'a [f64],
+    range: [f64; 2],
 }
 
 impl<E: Shape<N>, const N: usize> Kernel for EnergyKernel<'_, E, N> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
-        let EnergyKernel { cells, mut first, last, law, around, u } = self;
+        let EnergyKernel { cells, mut first, last, law, around, u, range } = self;
         let (mut f, mut psi) = ([Mat3::<Lane>::default(); RUN], [Lane::default(); RUN]);
         let (mut sum, forbids) = (0.0, law.forbids_inversion());
         while first < last {
@@ -157,7 +163,7 @@ impl<E: Shape<N>, const N: usize> Kernel for EnergyKernel<'_, E, N> {
             for point in 0..E::POINTS {
                 for (f, batch) in f.iter_mut().zip(&cells.batches[run.clone()]) {
                     *f = batch.deformation(E::slopes(point), u);
-                    if forbids && is_outside(f, UPRIGHT) {
+                    if forbids && is_outside(f, range) {
                         return f64::INFINITY;
                     }
                 }

@@ -66,13 +66,13 @@ impl ElementIntegrals for MeanVolume {
         self.cells.add_body_force(of_cell, force);
     }
 
-    fn energy(&self, law: &dyn LawKernels, u: &[f64]) -> f64 {
+    fn energy(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2])) -> f64 {
         let MeanVolume { cells, clusters } = self;
-        let local = cells.energy(law, clusters.around(&[]), u);
+        let local = cells.energy(law, clusters.around(&[]), at);
         if local.is_infinite() {
             return local;
         }
-        local + clusters.energy(law, &self.at(law, u).volumes)
+        local + clusters.energy(law, &self.at(law, at.0).volumes)
     }
 
     fn force(

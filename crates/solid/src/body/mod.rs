@@ -307,7 +307,12 @@ impl Body {
 
     /// Strain energy and that of the ties [J]; infinite if a cell is inverted and the law forbids that.
     pub fn energy(&self, u: &[f64]) -> f64 {
-        let energy = self.integrals.energy(self.material.law(), u);
+        self.energy_within(u, UPRIGHT)
+    }
+
+    /// As [`Body::energy`], but for laws that forbid inversion infinite if the `J` of a cell is outside a range.
+    pub fn energy_within(&self, u: &[f64], range: [f64; 2]) -> f64 {
+        let energy = self.integrals.energy(self.material.law(), (u, range));
         self.ties().map_or(energy, |ties| energy + ties.energy(u))
     }
 

@@ -1,5 +1,6 @@
 //! How a solution ends: why a load step was given up, where the tangent becomes singular, and the message.
 
+use super::domain::NoEnergy;
 use super::outcome::Status;
 use super::problem::Problem;
 use super::stepper::VOLUME_BOUNDS;
@@ -14,21 +15,29 @@ const NEAR: f64 = 100.0;
 /// leaves a residual that many times as large.
 const STIFF_IN_VOLUME: f64 = 50.0;
 
+/// Part of the least residual of the first half of the iterations below which that of the second is if they still get on.
+const FALLS: f64 = 0.5;
+
+/// Times as many iterations as were too few that are advised, and the bounds of what is: the default, and the most there are.
+const MORE: usize = 4;
+const ADVISED: [usize; 2] = [30, 10_000];
+
 /// A ratio of volumes above it comes from a step out of all proportion.
 const OUT_OF_PROPORTION: f64 = 1e3;
 
 /// Why a load step was given up.
 pub(super) enum Cut {
-    Inverted {
-        cell: usize,
-        jacobian: f64,
-    },
+    NoEnergy(NoEnergy),
     NoDescent {
         residual: f64,
     },
     Iterations {
         residual: f64,
         tolerance: f64,
+        /// Iterations that a load step may have.
+        most: usize,
+        /// Whether the residual [still fell](still_falls).
+        falls: bool,
     },
     /// The equilibria on the pieces that the surfaces of contact pairs share do not come to rest as these are found anew.
     Pieces {
@@ -82,6 +91,14 @@ impl Slopes {
     }
 }
 
+/// Whether the residuals of a load step still fell when its iterations were over; those that rounding keeps up do not. With
+/// one alone nothing speaks for rounding.
+pub(super) fn still_falls(residuals: &[f64]) -> bool {
+    let (early, late) = residuals.split_at(residuals.len() / 2);
+    let least = |part: &[f64]| part.iter().copied().fold(f64::INFINITY, f64::min);
+    least(late) < FALLS * least(early)
+}
+
 /// Where a body goes that next to nothing holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fall {
@@ -101,6 +118,8 @@ pub(super) struct Ending {
     pub singular: Option<f64>,
     /// Load and degree of freedom of an equilibrium that is not stable.
     pub unstable: Option<(f64, usize)>,
+    /// Whether tools or surfaces may touch it.
+    pub in_contact: bool,
     /// How the body fell in the last load step, since next to nothing holds it.
     pub fall: Option<Fall>,
     /// Linear systems of the last load step that conjugate gradients left unfinished.
@@ -203,15 +222,20 @@ impl Ending {
             (Some(load), ..) => format!(
                 "; the tangent becomes nearly singular at load {load:.4}, a limit point, above which there is no equilibrium \
                  nearby, or a buckling load, above which the body bends aside: {}",
-                way_on(problem)
+                self.way_on(problem)
             ),
-            (None, Some(_), _) => format!("; {}", way_on(problem)),
+            (None, Some(_), _) => format!("; {}", self.way_on(problem)),
             (None, None, Some(Cut::Pieces { .. })) => {
                 "; what touches is small beside the triangles there, as where nodes of two coarse curved surfaces meet: make \
                  these finer, or give the pair a little friction, such as 0.01, with which the pieces stay"
                     .to_string()
             }
-            (None, None, &Some(Cut::Iterations { residual, tolerance }))
+            (None, None, &Some(Cut::Iterations { falls: true, most, .. })) => format!(
+                "; the residual still fell: allow a load step more iterations than {most}, \
+                 settings={{'max_iterations': {}}}",
+                (MORE * most).clamp(ADVISED[0], ADVISED[1])
+            ),
+            (None, None, &Some(Cut::Iterations { residual, tolerance, .. }))
                 if residual < NEAR * tolerance =>
             {
                 let higher = format!(
@@ -223,7 +247,7 @@ impl Ending {
                         "; next to Poisson's ratio 1/2 rounding may allow no less: {higher}"
                     );
                 }
-                let way = way_on(problem);
+                let way = self.way_on(problem);
                 format!(
                     "; rounding may allow no less: {higher}; or the tangent is nearly singular: {way}"
                 )
@@ -231,19 +255,31 @@ impl Ending {
             _ => String::new(),
         }
     }
+
+    /// How to go on from a tangent that is nearly singular, whether the body buckles or a limit point is near.
+    fn way_on(&self, problem: &Problem) -> String {
+        let past = if self.in_contact || is_moved(problem) {
+            "inertia leads past either, Organ.stepper(dynamics='newmark', density=..., time_step=...)"
+        } else if has_path(problem) {
+            "arc length follows the path past either, Organ.path(parameter='arc length')"
+        } else {
+            "past a limit point, prescribe a displacement instead of the load"
+        };
+        format!(
+            "if the body buckles, solve with a small sideways force first, and without it from that state (start); {past}"
+        )
+    }
 }
 
 impl Cut {
     pub fn sentence(&self) -> String {
         match self {
-            &Cut::Inverted { cell, jacobian } if jacobian.abs() > OUT_OF_PROPORTION => format!(
-                "a smaller load step still leads out of all proportion (J = {jacobian:.1e} in cell {cell})"
-            ),
-            Cut::Inverted { cell, jacobian } => {
+            &Cut::NoEnergy(NoEnergy { cell, jacobian }) if jacobian.abs() > OUT_OF_PROPORTION => {
                 format!(
-                    "a smaller load step still turns cell {cell} inside out (J = {jacobian:.3})"
+                    "a smaller load step still leads out of all proportion (J = {jacobian:.1e} in cell {cell})"
                 )
             }
+            Cut::NoEnergy(lost) => format!("a smaller load step still {}", lost.sentence()),
             Cut::NoDescent { residual } => {
                 format!("no step lowers the energy (relative residual {residual:.1e})")
             }
@@ -276,20 +312,6 @@ impl Cut {
             Cut::Cancelled => "cancelled on request".into(),
         }
     }
-}
-
-/// How to go on from a tangent that is nearly singular, whether the body buckles or a limit point is near.
-fn way_on(problem: &Problem) -> String {
-    let past = if has_path(problem) {
-        "arc length follows the path past either, Organ.path(parameter='arc length')"
-    } else if is_moved(problem) {
-        "inertia leads past either, Organ.stepper(dynamics='newmark', density=..., time_step=...)"
-    } else {
-        "past a limit point, prescribe a displacement instead of the load"
-    };
-    format!(
-        "if the body buckles, solve with a small sideways force first, and without it from that state (start); {past}"
-    )
 }
 
 /// Whether the volume of a cell is so much stiffer than its shape that rounding of the one disturbs the other.

@@ -2,6 +2,7 @@
 //! prescribed.
 
 mod compliance;
+mod domain;
 mod ending;
 mod iteration;
 mod newton;

@@ -5,7 +5,7 @@ use super::Newton;
 use super::run::Run;
 use crate::body::Curvature;
 use crate::clock::Instant;
-use crate::equilibrium::ending::{Cut, Fall};
+use crate::equilibrium::ending::{Cut, Fall, still_falls};
 use crate::equilibrium::iteration::{Iteration, Limits, Stop, iterate};
 use crate::number::norm;
 
@@ -127,7 +127,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         let limits = Limits { tolerance, steps: max_iterations, waits: true };
         for _ in 0..MOST_PIECES {
             if iterate(self, limits)? != Stop::Converged {
-                return Err(Cut::Iterations { residual: self.norm, tolerance });
+                return Err(self.too_many_iterations());
             }
             if !self.run.contact.renew_pieces() {
                 return Ok(());
@@ -136,6 +136,19 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         // What the last new pieces began with.
         self.residual()?;
         Err(Cut::Pieces { residual: self.norm })
+    }
+
+    /// Why the iterations were too many: next to equilibrium, because a tool has gone in where no sample meets it.
+    fn too_many_iterations(&mut self) -> Cut {
+        let LoadStep { run, u, norm, history, .. } = self;
+        let entry = run.contact.find_entry(run.problem.body, u);
+        if let (Some((tool, shape)), true) = (entry, *norm <= NEAR) {
+            return Cut::Entered { tool, shape };
+        }
+        let Newton { tolerance, max_iterations, .. } = run.settings;
+        let residuals: Vec<f64> = history.iter().map(|&[_, norm]| norm).collect();
+        let falls = still_falls(&residuals);
+        Cut::Iterations { residual: *norm, tolerance, most: max_iterations, falls }
     }
 
     /// Relative residual to which conjugate gradients that were chosen automatically solve a linear system: part of what
@@ -159,11 +172,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
     fn lead(&mut self, step: &[f64], part: f64) -> Result<bool, Cut> {
         let LoadStep { run, u, load, force, .. } = self;
         run.note_slope(step, *load);
-        if part < 1.0 {
-            return Ok(false);
-        }
-        if self.unstable.is_some() {
-            run.check_inversion(u, step)?;
+        if part < 1.0 || self.unstable.is_some() {
             return Ok(false);
         }
         let is_sound = !run.follows_series && run.is_in_proportion(u, step, force);
@@ -291,6 +300,7 @@ impl Iteration for LoadStep<'_, '_> {
             if is_first && self.lead(&step, part)? {
                 return Ok(());
             }
+            self.run.check_energy(&self.u, &step, part)?;
             part
         } else {
             self.run.line_search(&self.u, &step, self.load, &self.residual, self.norm, is_fall)?

@@ -5,6 +5,7 @@ use super::listener::while_wanted;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::{Contact, Met};
+use crate::equilibrium::domain::{NoEnergy, check_start};
 use crate::equilibrium::ending::{Cut, Ending, Fall, Slopes, unsound_cell};
 use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::outcome::{Equilibrium, Seconds};
@@ -88,12 +89,7 @@ impl<'a> Run<'a> {
         let patches = problem.patches.iter().map(|load| load.patch.clone()).collect();
         let solver = ConstrainedSystem::new(settings.method, body, prescribed, patches)?;
         let start = problem.start.clone().unwrap_or_else(|| vec![0.0; body.n_dofs()]);
-        if !body.energy(&start).is_finite() {
-            let (jacobian, cell) = body.smallest_jacobian(&start);
-            return Err(Error::input(format!(
-                "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
-            )));
-        }
+        check_start(body, &start)?;
         let mut imbalance = vec![0.0; body.n_dofs()];
         body.internal_force(&start, &mut imbalance);
         let mut applied = problem.force.clone();
@@ -350,8 +346,7 @@ impl<'a> Run<'a> {
                 break (reached, ahead, carried.iter().map(|f| -f).collect());
             }
             if part * increment < self.settings.smallest_step {
-                let (jacobian, cell) = self.body().smallest_jacobian(&ahead);
-                return Err(Cut::Inverted { cell, jacobian });
+                return Err(Cut::NoEnergy(NoEnergy::of(self.body(), &ahead)));
             }
             part *= 0.5;
         };
@@ -384,6 +379,7 @@ impl<'a> Run<'a> {
             // The smallest step that failed is twice the one that was not tried any more.
             singular: self.slopes.singular_point(self.load, 4.0 * step),
             unstable: self.unstable,
+            in_contact: !self.contact.is_empty(),
             fall: self.fall,
             unfinished: self.unfinished,
             residual: self.residuals.last().and_then(|step| step.last()).copied().unwrap_or(0.0),

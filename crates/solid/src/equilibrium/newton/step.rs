@@ -3,6 +3,7 @@
 use super::listener::while_wanted;
 use super::run::Run;
 use crate::clock::Instant;
+use crate::equilibrium::domain::NoEnergy;
 use crate::equilibrium::ending::Cut;
 use crate::equilibrium::iteration::backtrack;
 use crate::equilibrium::problem::patch_mean;
@@ -157,16 +158,17 @@ impl Run<'_> {
         self.rounding.is_no_higher(taken, bound, 0.0)
     }
 
-    pub(super) fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
-        let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
+    /// Refuses a part of a step at whose end the body has no energy.
+    pub(super) fn check_energy(&self, u: &[f64], step: &[f64], part: f64) -> Result<(), Cut> {
+        let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + part * s).collect();
         if self.body().energy(&trial).is_finite() {
             return Ok(());
         }
-        let (jacobian, cell) = self.body().smallest_jacobian(&trial);
-        Err(Cut::Inverted { cell, jacobian })
+        Err(Cut::NoEnergy(NoEnergy::of(self.body(), &trial)))
     }
 
-    /// Backtracks until the total potential falls (Armijo); it is infinite where a cell inverts.
+    /// Backtracks until the total potential falls (Armijo); it is infinite where a cell inverts, and no number where the law
+    /// of one has no energy.
     pub(super) fn line_search(
         &self,
         u: &[f64],

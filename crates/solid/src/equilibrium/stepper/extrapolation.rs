@@ -66,7 +66,7 @@ impl Extrapolation {
 
 impl Stepper {
     /// Moves the body on as in the last frame, as far as hands and tools repeat their motion, and returns that part of it.
-    /// None where this would lead through a tool, or a cell next to a bound.
+    /// None where this would lead through a tool, a cell next to a bound, or to where the body has no energy.
     pub(super) fn extrapolate(&mut self, body: &Body, hands: &[f64]) -> f64 {
         let wanted = self.extrapolation.part(hands);
         let part = if self.move_on(body, wanted) { wanted } else { 0.0 };
@@ -84,7 +84,8 @@ impl Stepper {
             return false;
         }
         self.try_at(1.0);
-        let is_sound = body.outliers(&self.trial, self.barrier.inner()).is_empty();
+        let energy = body.energy_within(&self.trial, self.barrier.inner());
+        let is_sound = self.is_within_energies(body, energy);
         if is_sound {
             self.barrier.forget();
             std::mem::swap(&mut self.displacement, &mut self.trial);

@@ -30,6 +30,7 @@ pub use relaxation::Prony;
 pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 pub use turn::{Torque, Turn};
 
+use super::domain::check_start;
 use super::iteration::Rounding;
 use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem};
@@ -145,7 +146,7 @@ impl Stepper {
     /// A body with `fixed` degrees of freedom, from the displacement `start` or rest.
     ///
     /// # Errors
-    /// Settings out of range; indices out of range; a start that turns a cell inside out.
+    /// Settings out of range; indices out of range; a start without energy, as where a cell is inside out.
     pub fn new(
         body: &Body,
         fixed: &[u32],
@@ -163,12 +164,7 @@ impl Stepper {
                 n / 3
             )));
         }
-        if !body.energy(&displacement).is_finite() {
-            let (jacobian, cell) = body.smallest_jacobian(&displacement);
-            return Err(Error::input(format!(
-                "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
-            )));
-        }
+        check_start(body, &displacement)?;
         let barrier = VolumeBarrier::new(VOLUME_BOUNDS, body, &displacement);
         let time_step = settings.time_step.unwrap_or_default();
         let motion = match &settings.dynamics {

@@ -394,20 +394,21 @@ impl Stepper {
         let (u, force) = (&self.trial, &mut self.internal);
         let energy = body.internal_force_within(u, self.barrier.inner(), force);
         if energy.is_finite() {
-            if self.is_too_high(body, energy) {
+            if !self.is_within_energies(body, energy) {
                 return f64::INFINITY;
             }
             self.barrier.forget();
             return energy;
         }
         let energy = body.internal_force_within(u, self.barrier.range(), force);
-        let is_sound = energy.is_finite() && !self.is_too_high(body, energy);
+        let is_sound = self.is_within_energies(body, energy);
         if is_sound && self.barrier.follow(body, &self.trial) { energy } else { f64::INFINITY }
     }
 
-    /// Whether a strain energy on trial is beyond what frames go to, and not below that of the present.
-    fn is_too_high(&self, body: &Body, energy: f64) -> bool {
-        energy > self.most_energy && energy >= body.energy(&self.displacement)
+    /// Whether there is a strain energy on trial, and frames go to it: it is not too high, or below that of the present.
+    pub(super) fn is_within_energies(&self, body: &Body, energy: f64) -> bool {
+        let is_too_high = energy > self.most_energy && energy >= body.energy(&self.displacement);
+        energy.is_finite() && !is_too_high
     }
 
     /// From the law's internal force to that of tissue that remembers, and of cells next to a bound.

@@ -1,7 +1,8 @@
 //! What the message of a solution says about a load step that failed, and what it advises.
 
 use super::*;
-use crate::equilibrium::ending::{Cut, Ending, Fall};
+use crate::equilibrium::domain::NoEnergy;
+use crate::equilibrium::ending::{Cut, Ending, Fall, still_falls};
 use crate::linear::FactorError;
 
 fn stopped(cut: Cut) -> Ending {
@@ -11,6 +12,7 @@ fn stopped(cut: Cut) -> Ending {
         cut: Some(cut),
         singular: None,
         unstable: None,
+        in_contact: false,
         fall: None,
         unfinished: 0,
         residual: 0.0,
@@ -20,7 +22,7 @@ fn stopped(cut: Cut) -> Ending {
 }
 
 fn stalled(residual: f64) -> Ending {
-    stopped(Cut::Iterations { residual, tolerance: 1e-9 })
+    stopped(Cut::Iterations { residual, tolerance: 1e-9, most: 30, falls: false })
 }
 
 fn bulky(bulk_over_shear: f64) -> Body {
@@ -43,6 +45,30 @@ fn a_residual_next_to_the_tolerance_is_told_as_what_rounding_may_leave() {
     );
     let far = stalled(1e-3).message(&load);
     assert!(far.ends_with("too many iterations (relative residual 1.0e-3)"), "{far}");
+}
+
+/// Whatever is left then, rounding has not kept it.
+#[test]
+fn iterations_that_were_cut_while_the_residual_fell_are_told_with_more() {
+    let body = bulky(1e4);
+    let load = problem(&body, clamped(&body));
+    for (most, residual, more) in [(1, 6.9e-6, 30), (30, 2.1e-9, 120), (9000, 1e-3, 10_000)] {
+        let cut = Cut::Iterations { residual, tolerance: 1e-9, most, falls: true };
+        let said = stopped(cut).message(&load);
+        let advice = format!(
+            "the residual still fell: allow a load step more iterations than {most}, settings={{'max_iterations': {more}}}"
+        );
+        assert!(said.ends_with(&advice), "{said}");
+    }
+}
+
+#[test]
+fn residuals_fall_until_they_stay_where_rounding_keeps_them() {
+    let slow: Vec<f64> = (0..30).map(|k| 0.6f64.powi(k)).collect();
+    let noise = |k: i32| 1e-9 * (2.0 + f64::from(k).sin());
+    let kept: Vec<f64> = [1.0, 1e-2, 1e-5].into_iter().chain((0..27).map(noise)).collect();
+    assert!(still_falls(&slow) && still_falls(&slow[..2]) && still_falls(&slow[..1]));
+    assert!(!still_falls(&kept) && !still_falls(&[0.3, 0.2, 0.3, 0.2]) && !still_falls(&[]));
 }
 
 /// There a tangent that is nearly singular is as likely.
@@ -76,6 +102,10 @@ fn the_advice_next_to_a_singular_tangent_fits_what_loads_the_body() {
     assert!(of_force.contains("Organ.path(parameter='arc length')"), "{of_force}");
     assert_eq!(singular().status(), Status::LimitPoint);
 
+    let with_tools = Ending { in_contact: true, ..singular() };
+    let of_tools = with_tools.message(&problem(&body, clamped(&body)));
+    assert!(of_tools.contains("Organ.stepper") && !of_tools.contains("Organ.path"), "{of_tools}");
+
     let of_displacement = singular().message(&pulled(&body, [-0.01, 0.0, 0.0]));
     assert!(of_displacement.contains("Organ.stepper"), "{of_displacement}");
     assert!(!of_displacement.contains("prescribe a displacement"), "{of_displacement}");
@@ -87,10 +117,11 @@ fn the_advice_next_to_a_singular_tangent_fits_what_loads_the_body() {
 fn a_step_out_of_all_proportion_is_not_told_in_forty_digits() {
     let body = bar("saint_venant_kirchhoff", [1, 1, 1]);
     let load = problem(&body, clamped(&body));
-    let said = |jacobian| stopped(Cut::Inverted { cell: 3, jacobian }).message(&load);
+    let said = |jacobian| stopped(Cut::NoEnergy(NoEnergy { cell: 3, jacobian })).message(&load);
     assert!(said(-1.3e38).contains("out of all proportion (J = -1.3e38 in cell 3)"));
     assert!(said(-0.25).contains("turns cell 3 inside out (J = -0.250)"));
     assert!(said(-0.25).ends_with("use NeoHookean"));
+    assert!(said(1.21).contains("strains cell 3 to where its law has no energy (J = 1.210)"));
 }
 
 #[test]
