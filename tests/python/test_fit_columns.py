@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -104,3 +105,17 @@ def test_a_cell_that_is_not_finite_is_refused_with_its_line(
     path.write_text(f"stretch,stress,remark\n1.1,200,nan\n\n1.2,{cell},nan\n1.3,600,nan\n")
     assert main(["fit", str(path)]) == 2
     assert f"{path}, line 4: stress is {cell!r}; give a finite number" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("law", ["NeoHookean", "all"])
+def test_a_fit_without_scipy_says_what_to_install(
+    law: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_curve(tmp_path / "curve.csv", "stretch,stress", STRETCH, 300.0 * (STRETCH - STRETCH**-2))
+    for name in ("scipy", "scipy.optimize", "scipy.interpolate", "scipy.stats"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert main(["fit", str(tmp_path / "curve.csv"), "--law", law, "--json", str(tmp_path / "told.json")]) == 2
+    sentence = "fitting needs scipy: pip install 'viscera[fit]'"
+    assert capsys.readouterr().err == f"viscera fit: {sentence}\n"
+    told = json.loads((tmp_path / "told.json").read_text())
+    assert (told["status"], told["message"]) == ("bad input", sentence)

@@ -18,6 +18,7 @@ from viscera.fitting.accuracy import confused, spread, without_sign
 from viscera.fitting.families import family
 from viscera.fitting.homogeneous import compressibility_error, drucker_range
 from viscera.fitting.materialtest import MaterialTest
+from viscera.fitting.optional import scipy
 from viscera.fitting.problem import Problem
 from viscera.fitting.specimen import SpecimenProblem, SpecimenTest
 from viscera.law import Law
@@ -180,7 +181,7 @@ def fit(
 
     Errors, AIC and intervals count each different point off rest once: a point at rest, or one that is repeated, says
     nothing about the parameters. Raises `VisceraError` for tests that cannot determine them. Needs scipy
-    (`pip install scipy`).
+    (`pip install 'viscera[fit]'`).
 
     >>> stretch = np.linspace(0.6, 1.5, 10)
     >>> measured = MaterialTest("uniaxial", stretch, 500.0 * (stretch - stretch**-2))
@@ -202,6 +203,7 @@ def fit(
     if counts is None or counts.shape != (len(curves),) or not (np.isfinite(counts) & (counts > 0.0)).all():
         raise refused("weights", f"{len(curves)} positive numbers, one for each test", weights)
     of_specimens = any(isinstance(test, SpecimenTest) for test in curves)
+    scipy("optimize")  # told before the work, which takes an error for what the law cannot do
     make = SpecimenProblem if of_specimens else Problem
     problem = make(kind, curves, np.sqrt(counts), poisson, incompressible)
     # Stress is odd in the shear: a shear to the other side says nothing new.
@@ -257,8 +259,6 @@ def _range(tests: Sequence[MaterialTest], mode: str) -> tuple[float, float]:
 
 def _result(problem: Problem) -> Fit:
     """The best fit and its statistics."""
-    from scipy.stats import t
-
     found = problem.best()
     coefficients, exponents = problem.split(found)
     free = problem.free(found)
@@ -282,7 +282,8 @@ def _result(problem: Problem) -> Fit:
     _check_told_apart(problem, found, weighted)
     sse = float((residual**2).sum())
     deviations = spread(problem.kind.in_own(weighted, values), weight * residual, n - p)
-    half = np.full(p, np.nan) if deviations is None else deviations * float(t.ppf(0.5 + 0.5 * CONFIDENCE, n - p))
+    student = scipy("stats").t
+    half = np.full(p, np.nan) if deviations is None else deviations * float(student.ppf(0.5 + 0.5 * CONFIDENCE, n - p))
     intervals = {
         name: (float(v - h), float(v + h)) if is_free and np.isfinite(h) else None
         for name, v, h, is_free in zip(problem.kind.names, values, half, free, strict=True)

@@ -13,6 +13,7 @@ from viscera.fitting.condensed import Condensed, condensed, whole
 from viscera.fitting.families import Family
 from viscera.fitting.homogeneous import compressible_stress, incompressible_stress
 from viscera.fitting.materialtest import MaterialTest
+from viscera.fitting.optional import scipy
 from viscera.law import Law
 from viscera.mesh import Floats
 
@@ -76,8 +77,6 @@ class Problem:
 
     def _coefficients(self, weighted: Floats) -> Floats:
         """The same from the columns as they enter the squared error."""
-        from scipy.optimize import lsq_linear
-
         with np.errstate(over="ignore"):
             size = np.maximum(np.linalg.norm(weighted, axis=0), np.finfo(float).tiny)
         if not np.isfinite(size).all():
@@ -87,7 +86,9 @@ class Problem:
         found = np.linalg.lstsq(A, self._weighted_target, rcond=None)[0] / size
         if ((found > low) & (found < high)).all() or self.kind.admits(found):
             return np.asarray(found)
-        bounded = lsq_linear(A, self._weighted_target, (low * size, high * size), method="bvls", tol=1e-14)
+        bounded = scipy("optimize").lsq_linear(
+            A, self._weighted_target, (low * size, high * size), method="bvls", tol=1e-14
+        )
         return np.asarray(bounded.x / size)
 
     def residual(self, exponents: Floats) -> Floats:
@@ -101,8 +102,6 @@ class Problem:
 
     def best_exponents(self) -> Floats:
         """The exponents with the least error, searched from every start."""
-        from scipy.optimize import least_squares
-
         if not self.kind.exponents:
             return np.empty(0)
         low, high = np.array(self.kind.exponent_bounds).T
@@ -116,7 +115,7 @@ class Problem:
             "x_scale": "jac",
             "max_nfev": 200,
         }
-        runs = [least_squares(self.residual, start, **settings) for start in starts[:N_SEARCHES]]
+        runs = [scipy("optimize").least_squares(self.residual, start, **settings) for start in starts[:N_SEARCHES]]
         return np.asarray(min(runs, key=lambda run: run.cost).x)
 
     def best(self) -> Floats:

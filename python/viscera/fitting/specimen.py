@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.fitting.materialtest import MaterialTest
+from viscera.fitting.optional import scipy
 from viscera.fitting.problem import FAILED, N_SEARCHES, Problem
 from viscera.law import Law
 from viscera.mesh import Floats, Indices, Mesh, Where, mesh
@@ -176,8 +177,6 @@ class SpecimenTest(MaterialTest):
 
         pairs: two laws on either side of `law`, and how far the parameter is from one to the other.
         """
-        from scipy.interpolate import CubicSpline
-
         others = [[self._body(side) for side in pair[:2]] for pair in pairs]
         rows = {0.0: np.zeros(1 + len(pairs))}
         body = self._body(law)
@@ -188,7 +187,8 @@ class SpecimenTest(MaterialTest):
                 force.append(float((change * v).sum()) / apart)
             rows[travel] = np.array(force) / self.area
         at = sorted(rows)
-        curve = CubicSpline(at, np.array([rows[travel] for travel in at]))((self.stretch - 1.0) * self.length)
+        spline = scipy("interpolate").CubicSpline(at, np.array([rows[travel] for travel in at]))
+        curve = spline((self.stretch - 1.0) * self.length)
         return curve[:, 0], curve[:, 1:]
 
     def __repr__(self) -> str:
@@ -229,12 +229,10 @@ class SpecimenProblem(Problem):
 
     def _search(self, start: Floats) -> tuple[float, Floats]:
         """Half the squared error at a minimum, and the values there."""
-        from scipy.optimize import least_squares
-
         n = len(self.kind.coefficients)
         scale = np.concatenate([np.full(n, np.abs(start[:n]).max()), np.maximum(np.abs(start[n:]), 1.0)])
         low, high = np.array([*self.kind.coefficient_bounds, *self.kind.exponent_bounds]).T / scale
-        run = least_squares(
+        run = scipy("optimize").least_squares(
             lambda z: self._residual(z * scale)[0],
             np.clip(start / scale, low + 1e-9, high - 1e-9),
             jac=lambda z: self._residual(z * scale)[1] * scale,
