@@ -35,8 +35,10 @@ def largest(organ: vs.Organ, displacement: np.ndarray) -> float:
     return float((i1 * np.linalg.det(gradient) ** (-2 / 3) - 3).max() / JM)
 
 
-@pytest.mark.parametrize("element", ["P1", "P1 mean volume"])
-@pytest.mark.parametrize("energy", ENERGIES)
+@pytest.mark.parametrize(
+    ("energy", "element"),
+    [*((energy, "P1") for energy in ENERGIES), ("log", "P1 mean volume"), ("pole", "P1 mean volume")],
+)
 def test_a_hand_that_strides_out_is_followed_and_back(energy: str, element: str) -> None:
     organ = beam(energy, element)
     stepper = organ.stepper(iterations=10)
