@@ -82,6 +82,8 @@ def test_a_needle_that_goes_in_is_noticed() -> None:
     frame = stepper.frame()
     assert frame.contact(tool).is_inside
     assert not frame.is_settled
+    assert "not settled, the Instrument(Capsule(radius=0.001, length=0.08), position=" in repr(frame)
+    assert "is inside the organ" in repr(frame)
     with pytest.raises(vs.VisceraError, match="starts inside the organ; start it outside"):
         stepper.tool(vs.Sphere("5 mm"), position=(0.04, 0.05, 0.06))
     state = organ.solve(contact=[vs.Tool(needle, position=place, displacement=(0, 0, -0.01))])
@@ -312,6 +314,23 @@ def test_a_stepper_takes_a_tool_as_it_is_and_once(organ: vs.Organ) -> None:
     assert len(stepper._tools) == 1
 
 
+def doubled(side: int) -> vs.Shape:
+    """A box with another wall within it, which faces outwards or, with -1, bounds a cavity."""
+    outer = block(1)
+    inner = 0.05 + 0.9 * (outer.points - 0.05)
+    triangles = np.vstack([outer.surface, len(inner) + outer.surface[:, ::side]])
+    return vs.Shape((np.vstack([outer.points, inner]), triangles))
+
+
+def test_a_shape_may_have_a_cavity_and_parts_beside_each_other() -> None:
+    cavity = doubled(-1)._core.distance(np.array([[0.05, 0.05, 0.05], [0.0025, 0.05, 0.05]]))
+    assert cavity == pytest.approx([0.045, -0.0025])
+    one = block(1)
+    triangles = np.vstack([one.surface, len(one.points) + one.surface])
+    both = vs.Shape((np.vstack([one.points, one.points + np.array([0.2, 0, 0])]), triangles))
+    assert both._core.distance(np.array([[0.25, 0.05, 0.05]])) == pytest.approx([-0.05])
+
+
 def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
     sphere = vs.Sphere(0.02)
     closed = block(1)
@@ -320,14 +339,18 @@ def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
         "radius of a sphere: a percentage of what": lambda: vs.Sphere("10%"),
         "rounding of a box: a percentage of what": lambda: vs.Box((0.1, 0.1, 0.1), rounding="10%"),
         "rounding of a box is 0.1": lambda: vs.Box((0.1, 0.1, 0.1), rounding=0.1),
-        "not closed": lambda: vs.Shape((closed.points, closed.surface[1:])),
+        r"not closed: edge \[\d+, \d+\], from \(.*\) to \(.*\) m, has one triangle": lambda: vs.Shape(
+            (closed.points, closed.surface[1:])
+        ),
         "inside out": lambda: vs.Shape((closed.points, closed.surface[:, ::-1])),
+        r"a wall of 12 triangles within another one, at \(.*\) m, and both face outwards": lambda: doubled(1),
         "this one has no triangles": lambda: vs.Shape((closed.points, np.zeros((0, 3)))),
         r"uses point 7e\+20; it has 8 points": lambda: vs.Shape((closed.points, closed.surface * 1e20)),
         "must be indices": lambda: vs.Shape((closed.points, closed.surface - 1.5)),
         "position of a tool must be three finite": lambda: vs.Tool(sphere, position=(0, 0, np.nan)),
         "orthogonal matrix": lambda: vs.Tool(sphere, rotation=2 * np.eye(3)),
         "friction of a tool must be a number from 0": lambda: vs.Tool(sphere, friction=-0.1),
+        r'friction of a tool must be .* or "bonded", got \'stick\'': lambda: vs.Tool(sphere, friction="stick"),
         "shape of a tool must be": lambda: vs.Tool(0.01),  # type: ignore[arg-type]
         "contact must be a list of tools": lambda: organ.solve(contact=vs.Tool(sphere)),  # type: ignore[arg-type]
         "a tool of contact must be": lambda: organ.solve(contact=["sphere"]),  # type: ignore[list-item]

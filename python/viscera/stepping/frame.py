@@ -47,7 +47,8 @@ class Frame(Deformed, Pictured):
     """Residual: out-of-balance force at the end of the frame, relative to all nodal forces."""
     is_settled: bool
     """Whether its forces can be relied on: the residual is at most the stepper's `settled`, the hands are where they
-    were told to be, no cell is at a bound, and with inertia the last step was not cut back."""
+    were told to be, no cell is at a bound, no tool is inside the organ (`contact(tool).is_inside`), and with inertia
+    the last step was not cut back."""
     steps: int
     """Newton iterations done."""
     cells_at_bound: int
@@ -90,11 +91,12 @@ class Frame(Deformed, Pictured):
     _grips: list[tuple[Forceps, JawForces]]
 
     def __repr__(self) -> str:
-        inside_out, at_bound = self._inside_out(), self._at_bound()
+        inside_out, at_bound, entered = self._inside_out(), self._at_bound(), self._entered()
         flags = {
             "settled": self.is_settled,
             "not settled": not self.is_settled,
             "unstable": self.is_unstable,
+            entered: entered != "",
             at_bound: at_bound != "",
             inside_out: inside_out != "",
             "linear system not solved": not self.is_solved,
@@ -102,6 +104,12 @@ class Frame(Deformed, Pictured):
         }
         said = ", ".join(word for word, is_true in flags.items() if is_true)
         return f"Frame(residual {self.residual:.1e}, taken {self.taken:.3g}, {said})"
+
+    def _entered(self) -> str:
+        """Which tools are inside the organ; empty if none is."""
+        inside = [f"the {tool!r}" for tool, contact in self._contacts if contact.is_inside]
+        verb = "is" if len(inside) == 1 else "are"
+        return f"{' and '.join(inside)} {verb} inside the organ" if inside else ""
 
     def _at_bound(self) -> str:
         """How many cells are at a bound of their volume, and which is farthest from its own; empty if none is."""

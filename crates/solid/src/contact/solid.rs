@@ -1,10 +1,13 @@
 //! The signed distance of a closed surface: the closest point through a tree of boxes, the sign by the angle-weighted
 //! normal of the face, edge or corner it lies on (Baerentzen and Aanaes, IEEE TVCG 11, 2005).
 
+mod walls;
+
 use super::distance::Distance;
 use crate::error::Error;
 use crate::mesh::{TriangleTree, cross, dot, norm, sub};
 use std::collections::BTreeMap;
+use walls::check_walls;
 
 /// A closed surface, prepared for the evaluation of distances.
 #[derive(Clone, Debug)]
@@ -23,7 +26,7 @@ impl Solid {
     ///
     /// # Errors
     /// Indices out of range, points that are not finite, triangles without area, a surface that is not closed or not
-    /// oriented, or inside out.
+    /// oriented, or inside out, or a second skin within it.
     pub fn new(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, Error> {
         if let Some(k) = points.iter().position(|x| x.iter().any(|x| !x.is_finite())) {
             return Err(Error::input(format!(
@@ -39,7 +42,7 @@ impl Solid {
                 points.len()
             )));
         }
-        check_closed(&triangles)?;
+        check_closed(&points, &triangles)?;
         let corners_of = |triangle: &[u32; 3]| triangle.map(|i| points[i as usize]);
         let mut faces = Vec::with_capacity(triangles.len());
         let (mut edges, mut corners) = (BTreeMap::new(), vec![[0.0; 3]; points.len()]);
@@ -70,6 +73,7 @@ impl Solid {
                 "the shape is inside out: its volume is {volume:.3e} m^3; turn its triangles around"
             )));
         }
+        check_walls(&points, &triangles)?;
         let reach = points.iter().map(|x| norm(*x)).fold(0.0, f64::max);
         let tree = TriangleTree::new(&points, &triangles);
         Ok(Solid { points, triangles, tree, faces, edges, corners, reach })
@@ -126,7 +130,7 @@ impl Solid {
 }
 
 /// Every edge must be passed once in each direction.
-fn check_closed(triangles: &[[u32; 3]]) -> Result<(), Error> {
+fn check_closed(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<(), Error> {
     let mut directions: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
     for triangle in triangles {
         for i in 0..3 {
@@ -135,13 +139,23 @@ fn check_closed(triangles: &[[u32; 3]]) -> Result<(), Error> {
         }
     }
     let open = directions.iter().find(|(_, count)| **count != [1, 1]);
+    let place = |edge: &[u32; 2]| {
+        let [[a, b, c], [d, e, f]] = edge.map(|node| points[node as usize]);
+        format!("from ({a:.6}, {b:.6}, {c:.6}) to ({d:.6}, {e:.6}, {f:.6}) m")
+    };
     match open {
         Some((edge, [one, other])) if one + other == 2 => Err(Error::input(format!(
-            "the triangles of the shape at edge {edge:?} face opposite ways; orient them all outwards"
+            "the triangles of the shape at edge {edge:?}, {}, face opposite ways; orient them all outwards",
+            place(edge)
         ))),
         Some((edge, [one, other])) => Err(Error::input(format!(
-            "the shape is not closed: edge {edge:?} has {} triangles instead of two; close its surface",
-            one + other
+            "the shape is not closed: edge {edge:?}, {}, has {} instead of two; close its surface",
+            place(edge),
+            if one + other == 1 {
+                "one triangle".into()
+            } else {
+                format!("{} triangles", one + other)
+            }
         ))),
         None if triangles.is_empty() => Err(Error::input("the shape has no triangles")),
         None => Ok(()),

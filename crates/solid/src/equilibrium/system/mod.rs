@@ -104,7 +104,7 @@ impl ConstrainedSystem {
             }
             Method::Automatic => {
                 return Err(Error::input(
-                    "\"auto\" chooses a solver for a whole solution; frames take \"cholesky\", \"cg\" or another one",
+                    "\"auto\" chooses a solver for a whole solution; frames take \"cholesky\", \"cg\", \"multigrid\" or \"gpu\"",
                 ));
             }
         };
