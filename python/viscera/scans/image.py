@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from viscera.errors import VisceraError
 from viscera.files.atomic import replacing
 from viscera.mesh import Floats
-from viscera.scans import metaspace, nrrdspace
+from viscera.scans import metaspace, nifti, nrrdspace
 from viscera.scans.itk import read_by_itk, sitk, write_by_itk
+from viscera.scans.room import in_memory
 
 IMAGES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 """The formats of images of any values."""
@@ -34,37 +35,24 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
     ending = ending_of(path, IMAGES)
     try:
         if ending in (".nii", ".nii.gz"):
-            image = _library("nibabel").load(path)
-            values = np.asanyarray(image.dataobj)
-            while values.ndim > 3 and values.shape[-1] == 1:
-                values = values[..., 0]
-            return values, _affine(image), "RAS"
-        image = read_by_itk(path)
+            return *nifti.read(path, ending), "RAS"
+        image = read_by_itk(path, ending)
+        with in_memory(image.GetSize(), sitk().GetArrayViewFromImage(image).nbytes):
+            values = sitk().GetArrayFromImage(image)
     except VisceraError:
         raise
     except Exception as error:  # the readers raise whatever their parsers meet
-        reason = " ".join(str(error).split())[-200:]
-        raise VisceraError(f"not a readable {ending} image ({reason})") from error
+        # What MetaIO gives as the reason is left from another call of the system.
+        reason = " ".join(str(error).split()).partition(" Reason:")[0][-200:]
+        raise VisceraError(f"not a readable {ending} image ({reason or type(error).__name__})") from error
     n = image.GetDimension()
     if n != 3:
         raise VisceraError(f"it has {n} dimensions {image.GetSize()}; a volume has three, so save one volume of it")
-    values = sitk().GetArrayFromImage(image)
     is_vector = image.GetNumberOfComponentsPerPixel() > 1
     values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
     direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
     space = nrrdspace if ending in (".nrrd", ".nhdr") else metaspace
     return values, space.unit_of_space(path) * np.column_stack([direction, image.GetOrigin()]), "LPS"
-
-
-def _affine(image: Any) -> Floats:
-    # Of such an image nibabel and ITK guess different places, and nobody says what is left and what is right.
-    if int(image.header["sform_code"]) == 0 and int(image.header["qform_code"]) == 0:
-        raise VisceraError(
-            "its header does not say where the image lies (sform_code and qform_code are 0); set the sform, with "
-            'nibabel by image.set_sform(affine, "scanner"), or give its values and axes to vs.Scan'
-        )
-    unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
-    return np.asarray(unit * image.affine[:3])
 
 
 EMPTY = 2
@@ -152,7 +140,7 @@ def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> 
     values = np.ascontiguousarray(values)
     with replacing(path) as scratch:
         if ending in (".nii", ".nii.gz"):
-            image = _library("nibabel").Nifti1Image(values, np.vstack([ras / MM, [0.0, 0.0, 0.0, 1.0]]))
+            image = nifti.nibabel().Nifti1Image(values, np.vstack([ras / MM, [0.0, 0.0, 0.0, 1.0]]))
             image.header.set_xyzt_units("mm")
             # A scratch file keeps only the last ending, which would not be compressed.
             scratch.write_bytes(_compressed(image.to_bytes(), ending))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import locale
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,9 @@ from typing import Any
 import numpy as np
 
 from viscera.errors import VisceraError
+from viscera.scans import nifti
+from viscera.scans.room import in_memory
+from viscera.scans.stored import voxels_of
 
 _ONE_AT_A_TIME = Lock()
 """The locale is that of the whole process: of two threads in turns, the second would keep what the first has set."""
@@ -27,11 +31,30 @@ def sitk() -> Any:
     return SimpleITK
 
 
-def read_by_itk(path: Path) -> Any:
-    """The image (SimpleITK) of a file; raises `RuntimeError` as SimpleITK does."""
+def read_by_itk(path: Path, ending: str) -> Any:
+    """The image (SimpleITK) of a NRRD file or a MetaImage.
+
+    Raises `VisceraError` for a header that ITK must not be given, for voxels that are damaged or not all there, and
+    for more of them than fit into memory; `RuntimeError` as SimpleITK does.
+    """
     library = sitk()
+    stored = voxels_of(path, ending)
     with _decimal_points():
-        return library.ReadImage(str(path))
+        shape, size = _declared(path)
+        stored.require(size)
+        with in_memory(shape, size):
+            return library.ReadImage(str(path))
+
+
+def _declared(path: Path) -> tuple[tuple[int, ...], int]:
+    """The sizes of an image by its header, and the bytes of its voxels."""
+    library = sitk()
+    reader = library.ImageFileReader()
+    reader.SetFileName(str(path))
+    reader.ReadImageInformation()
+    shape, values = reader.GetSize(), reader.GetNumberOfComponents()
+    one = library.GetArrayViewFromImage(library.Image([1, 1, 1], reader.GetPixelID(), values))
+    return shape, math.prod(shape) * int(one.nbytes)
 
 
 def write_by_itk(image: Any, scratch: Path, ending: str) -> None:
@@ -64,11 +87,8 @@ def _is_kept(image: Any, whole: Path, ending: str) -> bool:
     """
     library = sitk()
     if ending not in (".nii", ".nii.gz"):
-        return bool(library.Hash(read_by_itk(whole)) == library.Hash(image))
-    try:
-        import nibabel
-    except ImportError:
-        raise VisceraError("this image needs the package nibabel: pip install nibabel") from None
+        return bool(library.Hash(read_by_itk(whole, ending)) == library.Hash(image))
+    nibabel = nifti.nibabel()
     voxels = library.GetArrayViewFromImage(image)
     try:
         file: Any = nibabel.load(whole, mmap=False)  # a mapped file cannot be moved everywhere

@@ -20,6 +20,8 @@ PLACE = {
 """The names of each field that says where an image lies, with the count of its numbers and what they are."""
 DATA = "ElementDataFile"
 """The last field of a header, after which the voxels may follow."""
+SIZES = ("NDims", "DimSize")
+"""Fields that say how many numbers others have."""
 UNIT = "DistanceUnits"
 UNSAID = ("", "?")
 """Units that say nothing: millimetres."""
@@ -30,14 +32,14 @@ def unit_of_space(path: Path) -> float:
 
     Raises `VisceraError` for a file that does not say where it lies, and for a unit that is unknown.
     """
-    header = _header(path)
+    fields, _ = header(path)
     for names, (count, means) in PLACE.items():
-        if not any(len(header.get(name, "").split()) == count for name in names):
+        if not any(len(fields.get(name, "").split()) == count for name in names):
             raise VisceraError(
                 f"its header does not say where the image lies; write `{names[0]} = ` there with {count} numbers, "
                 f"{means}, or give its values and axes to vs.Scan"
             )
-    unit = header.get(UNIT, "")
+    unit = fields.get(UNIT, "")
     if unit in UNSAID:
         return METRES["mm"]
     if unit not in METRES:
@@ -45,13 +47,18 @@ def unit_of_space(path: Path) -> float:
     return METRES[unit]
 
 
-def _header(path: Path) -> dict[str, str]:
-    """The fields by name, up to that of the data."""
-    fields = {}
+def header(path: Path) -> tuple[dict[str, str], int]:
+    """The fields by name, up to that of the data, and the bytes that they take.
+
+    Raises `VisceraError` for a size that is there twice: MetaIO would make room for the one and fill in the other.
+    """
+    fields: dict[str, str] = {}
     with path.open("rb") as file:
         for line in file:
             name, *value = map(str.strip, re.split("[=:]", line.decode("utf-8", "replace"), maxsplit=1))
+            if name in SIZES and name in fields:
+                raise VisceraError(f"its header has two lines `{name}`; leave one")
             fields[name] = "".join(value)
             if name == DATA:
                 break
-    return fields
+        return fields, file.tell()

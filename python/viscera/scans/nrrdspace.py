@@ -21,6 +21,8 @@ PLACE = {
     "space directions": ("(x,y,z) (x,y,z) (x,y,z)", "the steps between its voxels"),
 }
 """The fields that say where an image lies, with their form and what they are."""
+DATA = ("data file", "datafile")
+"""Names of the field that says which files hold the voxels, if not this one."""
 UNSAID = ("", "???")
 """Units that say nothing: millimetres, as all tools of medical images take them."""
 
@@ -31,8 +33,8 @@ def unit_of_space(path: Path) -> float:
     Raises `VisceraError` for a unit that is unknown or not the same along all axes, for a space without the patient's
     axes, and for an image that does not say where it lies in it.
     """
-    header = _header(path)
-    space = header.get("space", "")
+    fields, _ = header(path)
+    space = fields.get("space", "")
     if space.lower() not in PATIENT:
         said = f"the space {space!r}, which is not that of a patient" if space else "no space"
         raise VisceraError(
@@ -40,24 +42,25 @@ def unit_of_space(path: Path) -> float:
             "to the head (or `right-anterior-superior`), or give its values and axes to vs.Scan"
         )
     for name, (form, means) in PLACE.items():
-        if "(" not in header.get(name, ""):
+        if "(" not in fields.get(name, ""):
             raise VisceraError(
                 f"its header does not say where the image lies; write `{name}: {form}` there, {means}, or give its "
                 "values and axes to vs.Scan"
             )
-    units = [unit for unit in re.findall(r'"([^"]*)"', header.get("space units", "")) if unit not in UNSAID]
+    units = [unit for unit in re.findall(r'"([^"]*)"', fields.get("space units", "")) if unit not in UNSAID]
     if not units:
         return METRES["mm"]
     if len(set(units)) > 1 or units[0] not in METRES:
         raise VisceraError(
-            f"its header has `space units: {header['space units']}`; write one of {', '.join(METRES)} there, the same "
+            f"its header has `space units: {fields['space units']}`; write one of {', '.join(METRES)} there, the same "
             "for each axis"
         )
     return METRES[units[0]]
 
 
-def _header(path: Path) -> dict[str, str]:
-    """The fields by name: the lines up to the first empty one, without comments and the keys of other programs."""
+def header(path: Path) -> tuple[dict[str, str], int]:
+    """The fields by name, and the bytes that they take: the lines up to the first empty one or that of a list of files,
+    without comments and the keys of other programs."""
     fields = {}
     with path.open("rb") as file:
         for line in file:
@@ -67,4 +70,6 @@ def _header(path: Path) -> dict[str, str]:
             name, colon, value = text.partition(": ")
             if colon and not text.startswith("#"):
                 fields[name.lower()] = value.strip()
-    return fields
+                if name.lower() in DATA and value.startswith("LIST"):
+                    break
+        return fields, file.tell()
