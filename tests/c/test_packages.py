@@ -41,11 +41,31 @@ def test_pkg_config_finds_it(model: Path, prefix: Path, tmp_path: Path) -> None:
     paths = {**os.environ, "PKG_CONFIG_PATH": str(prefix / "lib" / "pkgconfig")}
     assert output("pkg-config", "--modversion", "viscera", env=paths).strip() == VERSION
     flags = output("pkg-config", "--cflags", "--libs", "viscera", env=paths).split()
-    program, rpath = tmp_path / "haptic", f"-Wl,-rpath,{prefix / 'lib'}"
+    libdir = output("pkg-config", "--variable=libdir", "viscera", env=paths).strip()
+    program, rpath = tmp_path / "haptic", f"-Wl,-rpath,{libdir}"
     output("cc", SOURCES / "examples" / "haptic.c", *flags, rpath, "-lm", "-o", program)
     assert "ticks trusted" in output(program, model)
     flags = output("pkg-config", "--cflags", "--libs", "viscera_hands", env=paths).split()
     output("cc", SOURCES / "examples" / "hands.c", *flags, rpath, "-lpthread", "-lm", "-o", program)
+    assert "ticks trusted" in output(program, model)
+
+
+@linux
+def test_a_program_may_be_static_to_the_last_library(model: Path, prefix: Path, tmp_path: Path) -> None:
+    """As docs/c-library.md has it: with the form of GCC's run time that is not shared."""
+    if shutil.which("pkg-config") is None:
+        pytest.skip("no pkg-config")
+    (tmp_path / "nothing.c").write_text("int main(void) { return 0; }\n")
+    bare = subprocess.run(
+        ["cc", "-static", "nothing.c", "-lgcc_eh", "-o", "nothing"], cwd=tmp_path, capture_output=True
+    )
+    if bare.returncode != 0:
+        pytest.skip(f"no static C library: {bare.stderr.decode()}")
+    paths = {**os.environ, "PKG_CONFIG_PATH": str(prefix / "lib" / "pkgconfig")}
+    flags = output("pkg-config", "--cflags", "--static", "--libs", "viscera", env=paths)
+    program = tmp_path / "haptic"
+    source = SOURCES / "examples" / "haptic.c"
+    output("cc", "-static", source, *flags.replace("-lgcc_s", "-lgcc_eh").split(), "-o", program)
     assert "ticks trusted" in output(program, model)
 
 
@@ -111,3 +131,12 @@ def test_they_are_small_and_show_nothing_else(libraries: Path) -> None:
 def shown(library: Path) -> set[str]:
     symbols = output("nm", "--dynamic", "--defined-only", library).split("\n")
     return {line.split()[-1].split("@")[0] for line in symbols if line}
+
+
+def test_the_headers_serve_older_standards(libraries: Path, tmp_path: Path) -> None:
+    for name, compiler, header in (("c.c", "cc -std=c90", "viscera.h"), ("cpp.cpp", "c++ -std=c++11", "viscera.hpp")):
+        (tmp_path / name).write_text(
+            f'#include "{header}"\n#include "viscera_hands.h"\nint main(void) {{ return 0; }}\n'
+        )
+        strict = ["-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{SOURCES / 'include'}"]
+        output(*compiler.split(), *strict, "-fsyntax-only", tmp_path / name)

@@ -1,8 +1,11 @@
 /* Two hands on an organ at 1 kHz: they take hold, answer every tick, and are guarded. A second thread draws the organ and
  * asks now and then what the answers are worth.
  *
- *     cc hands.c $(pkg-config --cflags --libs viscera_hands) -lpthread -lm -o hands && ./hands liver.viscera
+ *     cc hands.c $(pkg-config --cflags --libs viscera_hands) -Wl,-rpath,$(pkg-config --variable=libdir viscera) \
+ *         -lpthread -lm -o hands
+ *     ./hands liver.viscera
  *
+ * It needs C11, for its atomics, and POSIX.
  * It takes three seconds, and before them those of the training. */
 #define _POSIX_C_SOURCE 200809L
 #include <math.h>

@@ -1,7 +1,10 @@
 /* A hand that presses an organ at 1 kHz: load a model, answer every tick, guard the force, draw the surface now and then.
  *
- *     cc haptic.c $(pkg-config --cflags --libs viscera) -lm -o haptic && ./haptic liver.viscera
+ *     cc haptic.c $(pkg-config --cflags --libs viscera) -Wl,-rpath,$(pkg-config --variable=libdir viscera) \
+ *         -lm -o haptic
+ *     ./haptic liver.viscera
  *
+ * It needs C11, for `timespec_get`; a compiler of an older default takes -std=c11.
  * Simulated time runs as fast as it can. A second argument names a file of touches with their answers by Python, which
  * the C interface must reproduce to 1e-6. */
 #include <math.h>

@@ -1,6 +1,7 @@
 /* A haptic device under OpenHaptics (HDAPI) that presses an organ: millimetres and newtons.
  *
- *     cc openhaptics.c $(pkg-config --cflags --libs viscera) -lHD -lHDU -lm -o openhaptics
+ *     cc openhaptics.c $(pkg-config --cflags --libs viscera) -Wl,-rpath,$(pkg-config --variable=libdir viscera) \
+ *         -lHD -lHDU -lm -o openhaptics
  *
  * The device's x points to the right, y up, z to the user. The organ lies with its z up and its x to the right; the
  * origin of the device is put on its top. */
