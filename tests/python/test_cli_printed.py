@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.cli import main
+from viscera.cli import VERBS, main
 from viscera.cli.output import put
 
 CASE = """
@@ -103,3 +104,13 @@ def test_a_deformed_image_is_written_though_it_cannot_be_printed(
         assert main(["warp", "labels.nrrd", "--with", "solved.vtu", "-o", "moved.nrrd", "--field", "field.nrrd"]) == 2
     assert (folder / "moved.nrrd").stat().st_size > 0
     assert (folder / "field.nrrd").stat().st_size > 0
+
+
+def test_the_help_has_whole_sentences(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    names = [verb.__name__.rpartition(".")[2] for verb in VERBS]
+    for name, following in zip(names, [*names[1:], "options:"], strict=True):
+        summary = re.search(rf" {name} ([A-Z][^.]*\.) {following} ", told)
+        assert summary is not None, f"the summary of {name} is not one sentence"

@@ -1,4 +1,4 @@
-"""Print a script with which the shell completes commands, options and files. For instance
+"""Print a script with which the shell completes commands, options and files.
 
 viscera completion bash > ~/.local/share/bash-completion/completions/viscera
 viscera completion zsh > ~/.zfunc/_viscera

@@ -1,4 +1,4 @@
-"""Make the reduced model of an organ: a model file that answers touches in microseconds. For instance
+"""Make the reduced model of an organ: a model file that answers touches in microseconds.
 
 viscera reduce liver.toml -o liver.viscera
 viscera reduce kidney.vtu --units mm --fixed "z < 15%" --young 10e3 --poisson 0.45
