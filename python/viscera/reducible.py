@@ -20,7 +20,7 @@ from viscera.pgd import Pgd, separate
 from viscera.progress import Progress, shown
 from viscera.quantity import Choice, Flag, Number, Whole, refused
 from viscera.reduced.checkpoint import Batches, Checkpoint, fingerprint
-from viscera.reduced.parts import notes
+from viscera.reduced.notes import notes
 from viscera.reduced.preload import preload_of
 from viscera.reduced.touch import Touch
 from viscera.reduced.vary import Vary

@@ -1,21 +1,14 @@
-"""Named parts within an organ, such as a tumour or vessels: kept in the model file; how far a touch moves them."""
+"""Named parts within an organ, such as a tumour or vessels, and how far a touch moves them."""
 
 from __future__ import annotations
 
-import base64
-import zlib
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from viscera import _core
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.sealed import Sealed
-
-if TYPE_CHECKING:
-    from viscera.state import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,44 +88,3 @@ def inner_parts(mesh: Mesh) -> dict[str, Indices]:
     volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
     half = 0.5 * volumes.sum()
     return {name: boundary(mesh, cells) for name, cells in mesh.cell_sets.items() if 0.0 < volumes[cells].sum() < half}
-
-
-def notes(mesh: Mesh, start: State | None) -> dict[str, Any]:
-    """What a model file keeps under `user` of the mesh at rest: sets as bits, one for each corner or cell, the world
-    axes, and whether it is without the loads of its scan; of the state that touches start from, if that is the one
-    under these loads."""
-    kept: dict[str, Any] = {}
-    sets = {name: mesh.nodes(name) for name in mesh.sets}
-    corners = {name: nodes[nodes < mesh.n_corners] for name, nodes in sets.items()}
-    if corners:
-        kept["sets"] = {name: _packed(nodes, mesh.n_corners) for name, nodes in corners.items()}
-    if mesh.cell_sets:
-        kept["cell_sets"] = {name: _packed(mesh.cells_in(name), len(mesh.cells)) for name in mesh.cell_sets}
-    if mesh.axes:
-        kept["axes"] = mesh.axes
-    if mesh.is_unloaded:
-        kept["is_unloaded"] = True
-    if start is not None and start._is_as_scanned:
-        kept["starts_as_scanned"] = True
-    return kept
-
-
-def cell_sets(user: Mapping[str, Any], cells: int) -> dict[str, Indices]:
-    """The cell sets of such notes."""
-    return {name: _unpacked(text, cells) for name, text in user.get("cell_sets", {}).items()}
-
-
-def node_sets(user: Mapping[str, Any], corners: int) -> dict[str, Indices]:
-    """The node sets of such notes; none in files of earlier versions."""
-    return {name: _unpacked(text, corners) for name, text in user.get("sets", {}).items()}
-
-
-def _packed(members: Indices, count: int) -> str:
-    is_member = np.zeros(count, dtype=bool)
-    is_member[members] = True
-    return base64.b64encode(zlib.compress(np.packbits(is_member).tobytes(), 9)).decode()
-
-
-def _unpacked(text: str, count: int) -> Indices:
-    bits = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8)
-    return np.flatnonzero(np.unpackbits(bits, count=count)).astype(np.uint32)

@@ -13,7 +13,7 @@ import numpy as np
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, known
-from viscera.reduced.parts import cell_sets, node_sets
+from viscera.reduced.notes import cell_sets, node_sets, require_own
 from viscera.sealed import read_only
 
 
@@ -73,10 +73,23 @@ class Stored:
             )
         free = self.points if self.preload is None else self.points - self.preload
         corners = free[: int(cells.max()) + 1]
-        sets, parts = node_sets(self._notes, len(corners)), cell_sets(self._notes, len(cells))
+        sets, parts = self._sets
         more = {"axes": self._notes.get("axes", ""), "is_unloaded": self._notes.get("is_unloaded", False)}
         linear = replace(known(corners, cells, sets, parts), **more)
         return linear.quadratic() if self.element == "P2" else linear
+
+    @cached_property
+    def _sets(self) -> tuple[dict[str, Indices], dict[str, Indices]]:
+        """The sets of corners and those of cells; none in a model without cells."""
+        cells = self._model.array("cells")
+        if not len(cells):
+            return {}, {}
+        return node_sets(self._notes, int(cells.max()) + 1), cell_sets(self._notes, len(cells))
+
+    def _require_own_notes(self) -> None:
+        """Raises `VisceraError` for a file that keeps something else where the package keeps sets, axes and flags."""
+        require_own(self._notes)
+        _ = self._sets
 
     @property
     def _notes(self) -> dict[str, Any]:

@@ -381,4 +381,6 @@ def load(path: str | os.PathLike[str]) -> Touch:
 
 def load_bytes(data: bytes) -> Touch:
     """Read the bytes of a model file; raises `VisceraError` if they are damaged or inconsistent."""
-    return Touch(_core.Model.from_bytes(data))
+    touch = Touch(_core.Model.from_bytes(data))
+    touch._require_own_notes()
+    return touch
