@@ -230,7 +230,7 @@ REFUSED: list[tuple[str, Act]] = [
     ("forceps close by: a percentage of what", lambda stepper, forceps: forceps.close("10%")),
     ("the opening of forceps must be", lambda stepper, forceps: stepper.forceps(JAW, opening=-0.1)),
     (
-        "a box, starts .* inside",
+        r"a box at \(.*\) m, starts .* inside",
         lambda stepper, forceps: stepper.forceps(JAW, (0.02, 0.01, 0.055), ALONG_Y, opening=0.0),
     ),
     ("the position of forceps must be", lambda stepper, forceps: forceps.place((0, 0))),

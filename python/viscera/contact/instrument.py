@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera.contact.posed import Posed
@@ -15,6 +16,10 @@ from viscera.sealed import read_only
 
 if TYPE_CHECKING:
     from viscera.stepping.stepper import Stepper
+
+
+HALF_TURN = np.pi * (1.0 - 1e-9)
+"""What is farther looks like a turn the other way [rad]."""
 
 
 class Instrument(Posed):
@@ -86,6 +91,9 @@ class Instrument(Posed):
     def turn(self, by: ArrayLike) -> None:
         """Turn on about its origin by a rotation vector (3,) [rad], in axes of the world, with the next frame.
 
+        A frame knows where a tool is to be, not how it came there: one with friction turns by less than half a full
+        turn a frame, the shorter way, and more is refused.
+
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper(iterations=10)
@@ -94,6 +102,12 @@ class Instrument(Posed):
         >>> tool.rotation.round(3).diagonal().tolist()
         [-1.0, 1.0, -1.0]
         """
+        angle = float(np.linalg.norm(vector(by, "the turn of a tool", "rad")))
+        if self._tool.friction != 0.0 and angle >= HALF_TURN:
+            raise VisceraError(
+                f"a tool with friction turns by less than 180 degrees a frame, got {np.degrees(angle):.4g} degrees, of "
+                "which a frame would know only where it ends; turn it in several frames"
+            )
         self.place(rotation=self._turned_by(by))
 
     def remove(self) -> None:

@@ -16,6 +16,7 @@ mod layer;
 mod meeting;
 mod pair;
 mod pose;
+mod pressure_field;
 mod samples;
 mod shape;
 mod solid;
@@ -57,8 +58,9 @@ pub struct Contact {
     pairs: Vec<ActivePair>,
     /// By their numbers; none if a tool was taken away.
     tools: Vec<Option<ActiveTool>>,
-    /// Displacement at the start of the step.
+    /// Displacement at the start of the step, and where contacts were found last.
     start: Vec<f64>,
+    found: Vec<f64>,
     diagonal: f64,
     /// Nodes that are fixed.
     is_held: Vec<bool>,
@@ -71,6 +73,7 @@ impl Contact {
             pairs: body.contact_pairs().iter().map(|pair| ActivePair::new(body, pair)).collect(),
             tools: Vec::new(),
             start: vec![0.0; body.n_dofs()],
+            found: vec![0.0; body.n_dofs()],
             diagonal: diagonal(body.points()),
             is_held: vec![false; body.points().len()],
         }
@@ -126,17 +129,18 @@ impl Contact {
             return Err(Error::input(format!(
                 "tool {number}, {}, starts {depth:.3e} m inside the organ, {:.2} % of its diagonal; start it outside \
                  and move it in",
-                held.tool.shape.name(),
+                held.tool.told(),
                 100.0 * depth / self.diagonal
             )));
         }
         if held.is_in(body, u) {
             return Err(Error::input(format!(
                 "tool {number}, {}, starts inside the organ; start it outside and move it in",
-                held.tool.shape.name()
+                held.tool.told()
             )));
         }
         held.end(u);
+        self.found.copy_from_slice(u);
         self.tools.push(Some(held));
         Ok(number)
     }
@@ -232,6 +236,7 @@ impl Contact {
 
     /// Finds the contacts at a displacement, and their forces.
     pub fn linearize(&mut self, u: &[f64]) {
+        self.found.copy_from_slice(u);
         self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
         let start = &self.start;
         self.tools.iter_mut().flatten().for_each(|held| held.linearize(u, start));
@@ -249,6 +254,7 @@ impl Contact {
     /// As [`Contact::linearize`], for the first step of a frame at its start, after one in equilibrium: tools are taken to
     /// lead what they touch.
     pub fn lead(&mut self, u: &[f64]) {
+        self.found.copy_from_slice(u);
         self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
         for held in self.tools.iter_mut().flatten() {
             if !held.lead(u) {
@@ -345,7 +351,7 @@ impl Contact {
 
     /// The last forces of a tool on the body.
     pub fn report(&self, number: usize) -> Option<Report> {
-        self.tools.get(number)?.as_ref().map(ActiveTool::report)
+        self.tools.get(number)?.as_ref().map(|held| held.report(&self.found))
     }
 
     /// Where samples stick to a tool at the end of the last step, for a solve that goes on from there.
@@ -354,11 +360,10 @@ impl Contact {
         held.map_or_else(Vec::new, ActiveTool::anchored)
     }
 
-    /// Last contact pressure of a tool at nodes [Pa]: the mean over the touching samples around each node, zero if none
-    /// touches.
+    /// Last contact pressure of a tool at nodes [Pa], which adds up to its force across the surface.
     pub fn pressures(&self, number: usize, n_nodes: usize) -> Vec<f64> {
         match self.tools.get(number) {
-            Some(Some(held)) => held.pressures(n_nodes),
+            Some(Some(held)) => held.pressure_field(&self.found).pressures(),
             _ => vec![0.0; n_nodes],
         }
     }

@@ -17,6 +17,7 @@ use super::facets::{Candidates, Facets};
 use super::friction::{Friction, spring};
 use super::layer::Layer;
 use super::meeting::{Meeting, stretch};
+use super::pressure_field::PressureField;
 use super::samples::{Height, cells_behind, height_of, modulus};
 use super::tool::Report;
 use super::weighted_nodes::WeightedNodes;
@@ -391,17 +392,33 @@ impl ActivePair {
         report
     }
 
-    /// Mean pressure [Pa] of the touching samples around each node; zero if none touches.
+    /// Pressure at each node of the body [Pa], which adds up to the force across either surface.
     pub fn pressures(&self, n_nodes: usize) -> Vec<f64> {
-        let mut sums = vec![[0.0; 2]; n_nodes];
+        let mut field = PressureField::new(self.corners.len());
         for meeting in &self.touching {
-            for (&corner, weight) in meeting.corners.iter().zip(meeting.weights) {
-                let [force, area] = &mut sums[self.corners[corner as usize] as usize];
-                *force += weight.abs() * meeting.area * meeting.pressure;
-                *area += weight.abs() * meeting.area;
+            let force = meeting.area * meeting.pressure;
+            for (k, (&corner, weight)) in meeting.corners.iter().zip(meeting.weights).enumerate() {
+                let sign = if k < 3 { 1.0 } else { -1.0 };
+                field.press(
+                    corner as usize,
+                    weight.abs() * force,
+                    meeting.normal.map(|n| sign * n),
+                );
             }
         }
-        sums.into_iter().map(|[force, area]| if area > 0.0 { force / area } else { 0.0 }).collect()
+        let surfaces = if self.self_contact.is_some() { 1 } else { 2 };
+        for facets in [&self.sampled, &self.other].into_iter().take(surfaces) {
+            for triangle in facets.triangles() {
+                let outward = area_vector(&self.places, triangle);
+                let share = area(&self.rest, triangle) / 3.0;
+                triangle.iter().for_each(|&node| field.bear(node as usize, outward, [share; 2]));
+            }
+        }
+        let mut pressures = vec![0.0; n_nodes];
+        for (&corner, pressure) in self.corners.iter().zip(field.pressures()) {
+            pressures[corner as usize] = pressure;
+        }
+        pressures
     }
 
     fn places_at(&self, u: &[f64]) -> Vec<[f64; 3]> {
@@ -419,6 +436,10 @@ fn mean(corners: &[[f64; 3]; 3], weights: [f64; 3]) -> [f64; 3] {
 }
 
 fn area(points: &[[f64; 3]], triangle: &[u32; 3]) -> f64 {
+    norm(area_vector(points, triangle))
+}
+
+fn area_vector(points: &[[f64; 3]], triangle: &[u32; 3]) -> [f64; 3] {
     let [a, b, c] = triangle.map(|node| points[node as usize]);
-    0.5 * norm(cross(sub(b, a), sub(c, a)))
+    cross(sub(b, a), sub(c, a)).map(|n| 0.5 * n)
 }

@@ -1,7 +1,7 @@
 //! Position and rotation of a tool.
 
 use crate::error::Error;
-use crate::mesh::{cross, sub};
+use crate::mesh::{cross, dot, sub};
 use crate::tensor::{Mat3, mul_vector, transpose_mul_vector};
 
 /// How far `R R^T` may be from the identity.
@@ -53,6 +53,37 @@ impl Pose {
         Pose { rotation, position }
     }
 
+    /// The rotation vector [rad], in axes of the world, that turns it to where another pose is: the shorter way.
+    pub(super) fn turn_to(&self, other: &Pose) -> [f64; 3] {
+        let r: Mat3<f64> = std::array::from_fn(|i| {
+            std::array::from_fn(|j| dot(other.rotation[i], self.rotation[j]))
+        });
+        // The quaternion by its largest component (Shepperd 1978): four times its products with the others are sums and
+        // differences of entries.
+        let trace = r[0][0] + r[1][1] + r[2][2];
+        let squares = [trace, r[0][0], r[1][1], r[2][2]];
+        let largest = (1..4).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
+        let skew = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]];
+        let (scalar, vector) = match largest {
+            0 => (1.0 + trace, skew),
+            k => {
+                let axis = k - 1;
+                let entry = |i: usize| match i {
+                    _ if i == axis => 1.0 + 2.0 * r[i][i] - trace,
+                    _ => r[i][axis] + r[axis][i],
+                };
+                (skew[axis], std::array::from_fn(entry))
+            }
+        };
+        let size = dot(vector, vector).sqrt();
+        if size == 0.0 {
+            return [0.0; 3];
+        }
+        let sign = if scalar < 0.0 { -1.0 } else { 1.0 };
+        let angle = 2.0 * size.atan2(scalar.abs());
+        vector.map(|v| sign * angle * v / size)
+    }
+
     pub(super) fn check(&self, number: usize) -> Result<(), Error> {
         let values = self.rotation.iter().flatten().chain(&self.position);
         if let Some(value) = values.into_iter().find(|v| !v.is_finite()) {
@@ -61,7 +92,6 @@ impl Pose {
             )));
         }
         let [a, b, c] = self.rotation;
-        let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let is_unit =
             [(a, a), (b, b), (c, c)].iter().all(|&(a, b)| (dot(a, b) - 1.0).abs() < ROUNDING);
         if !is_unit || dot(a, b).abs() > ROUNDING || (dot(cross(a, b), c) - 1.0).abs() > ROUNDING {
@@ -74,7 +104,7 @@ impl Pose {
 }
 
 /// Rodrigues' formula: a vector turned by a rotation vector.
-fn rotated(turn: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+pub(super) fn rotated(turn: [f64; 3], v: [f64; 3]) -> [f64; 3] {
     let angle = turn.iter().map(|t| t * t).sum::<f64>().sqrt();
     if angle == 0.0 {
         return v;

@@ -6,6 +6,7 @@ mod rule;
 mod sides;
 
 use super::layer::Layer;
+use super::pressure_field::PressureField;
 use super::weighted_nodes::WeightedNodes;
 use crate::body::{Body, part_of_nodes};
 use crate::mesh::{cell_volume, diagonal, norm};
@@ -30,6 +31,8 @@ pub(super) struct Samples {
     /// Parts of the edges of each face, and the samples on it that no face before it has.
     parts: Vec<u32>,
     on: Vec<Range<usize>>,
+    /// The shares of the nodes of a face with so many parts, see [`Face::shares`].
+    shares: HashMap<u32, [[f64; 2]; 6]>,
     /// Largest height of a cell behind the surface, as far as it counts [m].
     thickest: f64,
 }
@@ -58,6 +61,7 @@ impl Samples {
             sharp: BTreeMap::new(),
             parts: parts(&longest_edges(&faces), spacing),
             on: Vec::with_capacity(faces.len()),
+            shares: HashMap::new(),
             thickest: 0.0,
             faces,
         };
@@ -78,6 +82,9 @@ impl Samples {
         let (behind, height) = (cells_behind(body), Height::new(body));
         let rules: HashMap<u32, Vec<Place>> = self.parts.iter().map(|&n| (n, places(n))).collect();
         let faces = std::mem::take(&mut self.faces);
+        if let Some(face) = faces.first() {
+            self.shares = rules.iter().map(|(&n, rule)| (n, face.shares(rule))).collect();
+        }
         let (sharp, mut shared) = (sharp_edges(&faces), HashMap::new());
         for (number, face) in faces.iter().enumerate() {
             let whole = norm(face.normal());
@@ -172,6 +179,18 @@ impl Samples {
         let sides = self.sharp.get(&sample);
         let area = sides.and_then(|sides| sides.area_towards(&self.faces, tool, u));
         area.unwrap_or(self.area(sample))
+    }
+
+    /// Adds to a field the faces around the nodes that it presses, of a body displaced by `u`.
+    pub fn bear(&self, field: &mut PressureField, u: &[f64]) {
+        for (face, parts) in self.faces.iter().zip(&self.parts) {
+            if face.nodes().iter().any(|&node| field.is_pressed(node as usize)) {
+                let (outward, whole) = (face.normal_at(u), norm(face.normal()));
+                for (&node, shares) in face.nodes().iter().zip(&self.shares[parts]) {
+                    field.bear(node as usize, outward, shares.map(|share| share * whole));
+                }
+            }
+        }
     }
 
     /// A nodal field at a sample.

@@ -3,11 +3,14 @@
 mod anchored;
 mod assembly;
 mod near;
+mod report;
 mod steps;
 mod sweep;
 mod touching;
+mod walk;
 
 pub use anchored::Anchored;
+pub use report::Report;
 pub(super) use touching::Touching;
 
 use super::distance::Distance;
@@ -17,12 +20,12 @@ use super::pose::Pose;
 use super::samples::Samples;
 use super::shape::Shape;
 use crate::error::Error;
-use crate::mesh::{cross, dot, norm, sub};
+use crate::mesh::{dot, norm, sub};
 use crate::tensor::Mat3;
 use near::Near;
 use std::sync::Arc;
 use sweep::Passage;
-use touching::along;
+use walk::Walk;
 
 /// Largest part of a cell's stiffness that the curvature of a shape may take from the tangent; at sharp edges it would
 /// be unbounded.
@@ -47,29 +50,6 @@ pub struct Tool {
     pub displacement: [f64; 3],
     /// Rotation about its origin up to the full load: a rotation vector [rad] in axes of the world.
     pub turn: [f64; 3],
-}
-
-/// Forces of a tool on the body, and the state of the contact.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Report {
-    /// Its force on the body [N].
-    pub force: [f64; 3],
-    /// Its torque on the body about the tool's origin [N m].
-    pub torque: [f64; 3],
-    /// Area at rest of the touching samples [m^2].
-    pub area: f64,
-    /// Smallest gap at a sample [m]; negative is depth in the layer.
-    pub gap: f64,
-    /// Energy of the layer and of the springs of friction [J].
-    pub energy: f64,
-    /// Energy dissipated by friction in the last step [J].
-    pub dissipation: f64,
-    /// Number of samples that touch.
-    pub touching: usize,
-    /// Number of samples that slide.
-    pub sliding: usize,
-    /// Whether the tool is inside the body, so that none of these numbers holds.
-    pub is_inside: bool,
 }
 
 /// The point of a tool, in its axes, that a sample sticks to.
@@ -103,6 +83,8 @@ pub(super) struct ActiveTool {
     /// The part of the last motion by which pressures are extrapolated for the bounds of friction; zero for those that are.
     pub extrapolated: f64,
     passage: Passage,
+    /// Its way in this step.
+    walk: Walk,
 }
 
 impl Tool {
@@ -114,6 +96,12 @@ impl Tool {
     /// The pose at a part of its motion.
     pub fn pose_at(&self, load: f64) -> Pose {
         self.pose.moved(self.displacement.map(|w| load * w), self.turn.map(|t| load * t))
+    }
+
+    /// What and where it is, in errors.
+    pub(super) fn told(&self) -> String {
+        let [x, y, z] = self.pose.position;
+        format!("{} at ({x:.4}, {y:.4}, {z:.4}) m", self.shape.name())
     }
 
     pub(super) fn check(&self, number: usize) -> Result<(), Error> {
@@ -157,6 +145,7 @@ impl ActiveTool {
             gap: f64::INFINITY,
             near: Near::default(),
             dissipation: 0.0,
+            walk: Walk::default(),
         }
     }
 
@@ -179,6 +168,7 @@ impl ActiveTool {
     /// Finds the samples that touch at `u`. Those that did not touch at the start of the step are tied to the point of
     /// the tool where they were then.
     pub fn linearize(&mut self, u: &[f64], start: &[f64]) {
+        self.walk = Walk::new(&self.before, &self.pose);
         let beyond = self.find_near(u);
         let near = std::mem::take(&mut self.near);
         self.meet_on(near.faces(), u, start);
@@ -248,6 +238,7 @@ impl ActiveTool {
         if self.kept.is_empty() || self.tool.friction == Friction::Bonded {
             return false;
         }
+        self.walk = Walk::new(&self.before, &self.pose);
         self.touching.clear();
         for &sample in &self.kept {
             let x = samples.place(sample, u);
@@ -295,14 +286,16 @@ impl ActiveTool {
             pull: 0.0,
             anchor: x,
             energy: area * energy,
+            dissipated: 0.0,
         };
-        if let Some(anchor) = self.anchors.get(sample) {
-            let point = anchor.map_or_else(|| self.before.inward(from), |anchor| anchor.point);
-            touching.anchor = self.pose.outward(point);
+        if !self.anchors.is_empty() {
+            let stiffness = area * layer.stiffness;
             touching.bound =
                 area * self.tool.friction.bound(self.expected(sample, pressure.max(0.0)));
+            (touching.anchor, touching.dissipated) =
+                self.walked(sample, [from, x], stiffness, touching.bound);
             if touching.bound > 0.0 {
-                touching.rub(area * layer.stiffness, self.slides[sample]);
+                touching.rub(stiffness, self.slides[sample]);
             }
         }
         touching
@@ -342,6 +335,7 @@ impl ActiveTool {
             pull: 0.0,
             anchor: point,
             energy: 0.5 * stiffness * dot(stretch, stretch),
+            dissipated: 0.0,
         }
     }
 
@@ -366,18 +360,10 @@ impl ActiveTool {
             let sample = touching.sample;
             let layer = samples.layer(sample, self.tool.stiffness);
             let stiffness = self.areas[sample] * layer.stiffness;
-            let x = samples.place(sample, u);
-            let is_bond = self.tool.friction == Friction::Bonded;
-            let point = if is_bond {
-                std::array::from_fn(|i| x[i] + touching.force[i] / stiffness)
-            } else {
-                let stretch = along(sub(x, touching.anchor), touching.normal);
-                let (size, most) = (norm(stretch), touching.bound / stiffness);
-                let slip = if size > most { 1.0 - most / size } else { 0.0 };
-                self.dissipation += touching.bound * slip * size;
-                std::array::from_fn(|i| touching.anchor[i] + slip * stretch[i])
-            };
-            self.anchors[sample] = Some(Anchor { point: self.pose.inward(point), is_bond });
+            let (anchor, dissipated) =
+                self.anchor_left(touching, samples.place(sample, u), stiffness);
+            self.anchors[sample] = Some(anchor);
+            self.dissipation += dissipated;
             self.pressures[sample][0] = touching.pressure;
         }
         // What has let go has no past when it touches again.
@@ -386,44 +372,9 @@ impl ActiveTool {
         }
     }
 
-    pub fn report(&self) -> Report {
-        let mut report = Report {
-            gap: self.gap,
-            dissipation: self.dissipation,
-            is_inside: self.passage.is_inside,
-            ..Report::default()
-        };
-        for touching in &self.touching {
-            let torque = cross(sub(touching.place, self.pose.position), touching.force);
-            for i in 0..3 {
-                report.force[i] += touching.force[i];
-                report.torque[i] += torque[i];
-            }
-            report.area += self.areas[touching.sample];
-            report.energy += touching.energy;
-            report.touching += 1;
-            report.sliding += usize::from(touching.slides());
-        }
-        report
-    }
-
     /// The point that a sample is bonded to, if it is.
     fn bond(&self, sample: usize) -> Option<Anchor> {
         self.anchors.get(sample).copied().flatten().filter(|anchor| anchor.is_bond)
-    }
-
-    /// Mean pressure [Pa] of the touching samples around each node, weighted by their areas; zero if none touches.
-    pub fn pressures(&self, n_nodes: usize) -> Vec<f64> {
-        let mut sums = vec![[0.0; 2]; n_nodes];
-        for touching in &self.touching {
-            let area = self.areas[touching.sample];
-            for &(node, weight) in self.samples.nodes().of(touching.sample) {
-                let [force, whole] = &mut sums[node as usize];
-                *force += weight.abs() * area * touching.pressure;
-                *whole += weight.abs() * area;
-            }
-        }
-        sums.into_iter().map(|[force, area]| if area > 0.0 { force / area } else { 0.0 }).collect()
     }
 
     /// Signed distance in the world from the tool in a pose.

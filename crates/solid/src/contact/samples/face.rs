@@ -1,6 +1,6 @@
 //! A face of the surface with its nodes, linear or quadratic.
 
-use super::rule::UNITS;
+use super::rule::{Place, UNITS};
 use crate::body::Body;
 use crate::mesh::{cross, norm, sub, surface};
 use std::collections::HashMap;
@@ -100,14 +100,35 @@ impl Face {
 
     /// Nodes and their weights at a place with these barycentric coordinates, in [`UNITS`].
     pub fn weights(&self, at: [u32; 3]) -> Vec<(u32, f64)> {
+        let all = (0..self.n_nodes()).map(|i| (self.nodes[i], self.weight(i, at)));
+        all.filter(|&(_, weight)| weight != 0.0).collect()
+    }
+
+    fn weight(&self, i: usize, at: [u32; 3]) -> f64 {
         let b = at.map(|units| f64::from(units) / f64::from(UNITS));
-        let weight = |i: usize| match i {
+        match i {
             _ if !self.is_quadratic => b[i],
             0..3 => b[i] * (2.0 * b[i] - 1.0),
             _ => 4.0 * b[i - 3] * b[(i - 2) % 3],
-        };
-        let all = (0..self.n_nodes()).map(|i| (self.nodes[i], weight(i)));
-        all.filter(|&(_, weight)| weight != 0.0).collect()
+        }
+    }
+
+    /// The integrals of the absolute weight of each node, by a rule, and of its weight, over the area of the face. The weight
+    /// of a corner of a quadratic face has the integral zero.
+    pub fn shares(&self, rule: &[Place]) -> [[f64; 2]; 6] {
+        let is_mean = |i: usize| self.is_quadratic == (i >= 3);
+        std::array::from_fn(|i| {
+            if i >= self.n_nodes() {
+                return [0.0; 2];
+            }
+            let sizes = rule.iter().map(|place| place.weight * self.weight(i, place.at).abs());
+            [sizes.sum(), if is_mean(i) { 1.0 / 3.0 } else { 0.0 }]
+        })
+    }
+
+    /// Its corners and the middles of its edges, if it has such nodes.
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.n_nodes()]
     }
 
     fn n_nodes(&self) -> usize {

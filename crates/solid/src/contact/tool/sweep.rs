@@ -73,8 +73,9 @@ impl ActiveTool {
     }
 
     /// The part of the load, above `from` and at most `to`, up to which the spine stays outside of a body displaced by `u`; a
-    /// first stretch of the way it goes in any case.
+    /// first stretch of the way it goes in any case. One with friction turns no farther than a load step may.
     pub fn reaches(&self, body: &Body, u: &[f64], from: f64, to: f64) -> f64 {
+        let to = self.turned_to(from, to);
         let at = |part: f64| self.passage.spine_in(&self.tool.pose_at(from + (to - from) * part));
         let count = self.poses_along(&at(0.0), &at(1.0));
         let places: Vec<_> = (0..=count).map(|k| at(k as f64 / count as f64)).collect();

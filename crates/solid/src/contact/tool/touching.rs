@@ -33,6 +33,8 @@ pub struct Touching {
     /// The point of the tool it is tied to, in the world.
     pub anchor: [f64; 3],
     pub energy: f64,
+    /// What its slide has dissipated before the last part of the tool's way [J].
+    pub dissipated: f64,
 }
 
 impl Touching {
