@@ -304,6 +304,30 @@ def test_an_answer_says_what_its_pressure_is_worth(bar: vs.Mesh, poisson: float,
     assert bool(said) != is_right
 
 
+@pytest.mark.parametrize(("poisson", "is_right"), [(0.3, True), (0.499, False)])
+def test_answers_of_a_grasp_and_of_a_probe_say_it_too(bar: vs.Mesh, poisson: float, is_right: bool) -> None:
+    """Each warning names a program that runs and has the pressure of the same touch."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=poisson), fixed="root")
+    touch = organ.reduce("z > 99% and x > 40%", depth="5%", order=3)
+    grasp, displacements = touch.galerkin().grasp([(0.4, 0.05, 0.1)]), [(0, 0, -0.004)]
+    probe = touch.probe()
+    probe.place((0.25, 0.05, 0.1 + probe.radius))
+    felt = probe.move((0, 0, -0.004))
+    for answer in (grasp.solve(displacements), felt):
+        assert answer.is_trusted
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            answer.von_mises()
+            assert not said
+            pressure = answer.pressure()
+        full = eval(answer._solved()).pressure()
+        error = np.linalg.norm(pressure - full) / np.linalg.norm(full)
+        assert answer.stress_error_estimate > 0.5 * min(error, 1.0)
+        assert (answer.stress_error_estimate < 0.15) == is_right
+        assert all(str(each.message).endswith(answer._solved()) for each in said)
+        assert bool(said) != is_right
+
+
 def test_points_of_a_frame_have_no_stress_where_tissue_relaxes(bar: vs.Mesh) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
     frame = organ.stepper(time_step=0.01, relaxation=vs.Prony(g=[0.5], tau=[0.1])).frame({"tip": (None, None, -0.001)})

@@ -9,24 +9,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from viscera.boundary.ties import Tied, Ties
-from viscera.deformed import Deformed
-from viscera.mesh import Floats, Mesh, Where
+from viscera.mesh import Floats, Indices, Where
 from viscera.reduced.carried import Touched, spread
 from viscera.reduced.parts import Target, target
+from viscera.reduced.shape import ReducedShape
 from viscera.sealed import read_only
 
 if TYPE_CHECKING:
     from viscera.boundary.bond import Bond
-    from viscera.organ import Organ
     from viscera.reduced.touch import Touch
 
-UNBALANCED = 0.15
-"""Part of stress that may be unbalanced."""
 UNCERTAIN = 0.1
 """Estimated error of the force of a support, relative to it, above which a warning tells it."""
 
 
-class Answer(Deformed):
+class Answer(ReducedShape):
     """The answer of a reduced model to a touch: force, stiffness, displacement and error estimates.
 
     >>> import viscera as vs
@@ -90,45 +87,11 @@ class Answer(Deformed):
         """
         return self._model._model.energy(*self._touch)
 
-    @cached_property
-    def stress_error_estimate(self) -> float:
-        """Estimated error of stress and pressure, relative to their norm: what they leave unbalanced; hardly above 1.
+    def _touched(self) -> Indices:
+        return self._model.patch(self.contact_point).nodes
 
-        (sum_n |f_n(u) - f_n(u_0)|^2)^1/2 / (sum_c,a |V_c P_c grad N_a|^2)^1/2: the nodal forces of the touch over nodes
-        that are neither held nor touched, and those of every cell alone on its corners; u_0 is the preload. In nearly
-        incompressible tissue pressure feels errors of the displacement that force, shape and von Mises stress do not.
-        Above 0.15 `stress`, `pressure` and `write` warn. Infinite where the law has no stress, as in a cell that is
-        inside out.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> answer = beam.reduce("tip", depth="2%", order=2)((1, 0.1, 0.1), displacement=(0, 0, -0.01))
-        >>> 0 < answer.stress_error_estimate < 0.1
-        True
-        """
-        organ, displacement = self._from_rest()
-        before = displacement - self.displacement
-        forces = [organ._body.internal_force(np.ascontiguousarray(u)).reshape(-1, 3) for u in (displacement, before)]
-        left = forces[0] - forces[1]
-        left[organ.fixed] = 0.0
-        left[self._model.patch(self.contact_point).nodes] = 0.0
-        size = float(np.linalg.norm(self._response.corner_forces()))
-        if not np.isfinite(size) or not np.isfinite(left).all():
-            return np.inf
-        return float(np.linalg.norm(left)) / size if size > 0.0 else 0.0
-
-    def _expect_stress(self) -> None:
-        if self.stress_error_estimate > UNBALANCED:
-            warnings.warn(
-                f"the stress of this answer is not balanced, by {100 * self.stress_error_estimate:.0f} % of its norm, "
-                "so its pressure is not to be relied on: in nearly incompressible tissue it feels errors that force, "
-                "shape and von Mises stress do not; solve for it, as in "
-                "touch.organ().solve(displacement={touch.patch(point): d})",
-                stacklevel=3,
-            )
-
-    def _expect_deviatoric_stress(self) -> None:
-        pass
+    def _solved(self) -> str:
+        return "touch.organ().solve(displacement={touch.patch(point): d})"
 
     def support_force(self, support: Tied | Bond) -> Floats:
         """Total force (3,) [N] of an elastic support on the organ; of a bond, on its first organ.
@@ -162,16 +125,10 @@ class Answer(Deformed):
             warnings.warn(
                 f"the estimated error of the force of {support!r} is {told}: fixed nodes or other supports hold the "
                 "same part, and displacements are not known well enough for its stiffness; solve for it, as in "
-                "touch.organ().solve(displacement={touch.patch(point): d})",
+                f"{self._solved()}",
                 stacklevel=4,
             )
         return np.asarray(force)
-
-    def _seen(self) -> tuple[Mesh, Floats]:
-        return self._model.mesh, self.displacement
-
-    def _from_rest(self) -> tuple[Organ, Floats]:
-        return self._model._whole(self.displacement)
 
     def target(self, where: Where) -> Target:
         """How far a part of the organ moves: a cell set by name, such as a tumour, or any cells as in `Mesh.cells_in`.

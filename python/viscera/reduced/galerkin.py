@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
-from viscera.deformed import Deformed
 from viscera.errors import VisceraError
-from viscera.mesh import Floats, Mesh
+from viscera.mesh import Floats, Indices
 from viscera.output import state as statefile
 from viscera.progress import shown
 from viscera.quantity import Number, Whole, numbers_of, refused
+from viscera.reduced.shape import ReducedShape
 from viscera.sealed import read_only
 from viscera.select import length, offset
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
-    from viscera.organ import Organ
     from viscera.reduced.touch import Touch
 
 BUDGET = Number("s", low=0.0, high=1e19)
@@ -36,14 +35,14 @@ Touches = Sequence[tuple[ArrayLike, ArrayLike]] | Floats
 """For each touch its contact point (3,) at rest [m] and its displacement (3,) [m]."""
 
 
-class GalerkinAnswer(Deformed):
+class GalerkinAnswer(ReducedShape):
     """The answer of a hyper-reduced model.
 
     The displacement field and the error estimate are computed on first access, since a haptic loop needs neither.
     """
 
-    def __init__(self, held: _core.GalerkinAnswer, touch: Touch) -> None:
-        self._held, self._touch = held, touch
+    def __init__(self, held: _core.GalerkinAnswer, grasp: HyperReducedModel) -> None:
+        self._held, self._grasp, self._model = held, grasp, grasp._touch
         facts = held.facts
         self.force: Floats = facts["force"]
         """Force (k, 3) [N] of each tool on the organ."""
@@ -74,14 +73,14 @@ class GalerkinAnswer(Deformed):
         """Displacement of all nodes (n, 3) [m]."""
         return read_only(self._held.displacement())
 
-    def _seen(self) -> tuple[Mesh, Floats]:
-        return self._touch.mesh, self.displacement
-
     def _doubt(self) -> str:
         return "" if self.is_converged else statefile.NOT_CONVERGED
 
-    def _from_rest(self) -> tuple[Organ, Floats]:
-        return self._touch._whole(self.displacement)
+    def _touched(self) -> Indices:
+        return np.concatenate([patch.nodes for patch in self._grasp.patches])
+
+    def _solved(self) -> str:
+        return "touch.organ().solve(displacement=dict(zip(grasp.patches, displacements)))"
 
     @property
     def error_estimate(self) -> float:
@@ -188,9 +187,8 @@ class HyperReducedModel:
             needs one.
         """
         limit = None if budget is None else BUDGET(budget, "budget")
-        return GalerkinAnswer(
-            self._grasp.solve(self._displacements(displacements), from_last, stiffness, limit), self._touch
-        )
+        held = self._grasp.solve(self._displacements(displacements), from_last, stiffness, limit)
+        return GalerkinAnswer(held, self)
 
     def superposed(self, displacements: ArrayLike) -> Floats:
         """Displacement (n, 3) [m] by the superposed series with coupling, from which `solve` may start."""

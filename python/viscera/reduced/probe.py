@@ -10,23 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
-from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.immutable import Immutable
-from viscera.mesh import Floats, Mesh
+from viscera.mesh import Floats, Indices
 from viscera.quantity import Number, brief, numbers_of, refuse_masked, refused, vector
+from viscera.reduced.shape import ReducedShape
 from viscera.sealed import read_only
 from viscera.select import length
 
 if TYPE_CHECKING:
-    from viscera.organ import Organ
     from viscera.reduced.touch import Touch
 
 CONTACT_ERROR = _core.CONTACT_ERROR
 """Error of a probe's force, relative to its norm, that comes from the patch in place of the contact (docs/probe.md)."""
 
 
-class Felt(Deformed):
+class Felt(ReducedShape):
     """What a probe feels at a place: force, torque and the deformed organ.
 
     >>> import viscera as vs
@@ -82,11 +81,11 @@ class Felt(Deformed):
             return read_only(np.zeros((len(self._model.mesh.points), 3)))
         return read_only(self._model._model.evaluate(self.contact_point, self._push, True)["displacement"])
 
-    def _seen(self) -> tuple[Mesh, Floats]:
-        return self._model.mesh, self.displacement
+    def _touched(self) -> Indices:
+        return self._model.patch(self.contact_point).nodes
 
-    def _from_rest(self) -> tuple[Organ, Floats]:
-        return self._model._whole(self.displacement)
+    def _solved(self) -> str:
+        return "touch.organ().solve(force={touch.patch(felt.contact_point): felt.force})"
 
     def __repr__(self) -> str:
         trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
