@@ -288,6 +288,22 @@ def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerk
         fingers.grasp(np.zeros((0, 3)))
 
 
+def test_points_of_a_grasp_in_words_are_those_of_a_touch(fingers: Galerkin) -> None:
+    """A list of three texts is three points where each is one, and one where each is a coordinate."""
+    alone = np.array([LEFT])
+    for words in ("(300, 50, 100) mm", ["30 cm", 0.05, "100%"], ["(300, 50, 100) mm"], [["30 cm", "5 cm", "10 cm"]]):
+        assert fingers.grasp(words).points == pytest.approx(alone)
+    three = ["(150, 40, 100) mm", "(225, 50, 100) mm", "(300, 50, 100) mm"]
+    expected = np.array([RIGHT, (0.225, 0.05, 0.1), LEFT])
+    assert fingers.grasp(three).points == pytest.approx(expected)
+    assert fingers.grasp(np.array(three)).points == pytest.approx(expected)
+    assert fingers.grasp([RIGHT, *three[1:]]).points == pytest.approx(expected)
+    with pytest.raises(vs.VisceraError, match="contact point 1: 'far' is not a length"):
+        fingers.grasp([LEFT, ("far", 0.0, 0.0)])
+    with pytest.raises(vs.VisceraError, match="contact point 0 must be three lengths"):
+        fingers.grasp(["30 cm", 0.05])
+
+
 def test_a_model_from_a_file_serves_several_touches_too(fingers: Galerkin, touch: vs.Touch, tmp_path: Path) -> None:
     touch.save(tmp_path / "bar.viscera")
     touches = [(LEFT, PUSHES[0]), (RIGHT, PUSHES[1])]

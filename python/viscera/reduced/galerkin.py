@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from time import sleep
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.mesh import Floats, Indices
+from viscera.mesh import Floats, Indices, Mesh
 from viscera.output import state as statefile
 from viscera.progress import shown
 from viscera.quantity import Number, Whole, numbers_of, refused
 from viscera.reduced.shape import ReducedShape
 from viscera.sealed import read_only
-from viscera.select import length, offset
+from viscera.select import has_words, length, offset, place
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -239,22 +239,13 @@ class Galerkin:
         raise VisceraError(NOT_COPIED)
 
     def grasp(self, points: ArrayLike, *, wait: bool = True) -> HyperReducedModel:
-        """Take hold at some points (k, 3) [m] of the touchable surface at rest; coordinates may be given in words.
+        """Take hold at some points (k, 3) [m] of the touchable surface at rest, in numbers or in words.
 
         wait: whether to wait for the snapshots. With `wait=False` the grasp answers at once, by the fields of the
         series, and improves while it is in use: snapshots are solved in the background, on all processors but one,
         first in rounds and then at the position of the tools.
         """
-        try:
-            shape = np.shape(points)
-        except ValueError:
-            raise refused("contact points", "(k, 3) [m]", points) from None
-        if shape[-1:] != (3,) or len(shape) > 2:
-            raise VisceraError(f"contact points have shape {shape}; they must be (k, 3)")
-        if shape[0] == 0:
-            raise VisceraError("no contact; give at least one point of the touchable surface")
-        given = [points] if len(shape) == 1 else list(points)  # type: ignore[arg-type]
-        rows = np.array([point_of(row, self.touch.mesh, f"contact point {k}") for k, row in enumerate(given)])
+        rows = _points(points, self.touch.mesh)
         return HyperReducedModel(self._core.grasp(rows, wait), rows, self.touch)
 
     def solve(self, touches: Touches, *, stiffness: bool = True) -> GalerkinAnswer:
@@ -269,6 +260,33 @@ class Galerkin:
 
     def __repr__(self) -> str:
         return f"Galerkin({self.touch!r})"
+
+
+def _points(points: ArrayLike, mesh: Mesh) -> Floats:
+    """Contact points (k, 3) [m] from numbers or words; a single one may stand alone."""
+    numbers = numbers_of(points)
+    if numbers is None:
+        return _points_in_words(points, mesh)
+    if numbers.shape[-1:] != (3,) or numbers.ndim > 2:
+        raise VisceraError(f"contact points have shape {numbers.shape}; they must be (k, 3)")
+    if len(numbers) == 0:
+        raise VisceraError("no contact; give at least one point of the touchable surface")
+    return np.array([place(row, f"contact point {k}") for k, row in enumerate(numbers.reshape(-1, 3))])
+
+
+def _points_in_words(points: ArrayLike, mesh: Mesh) -> Floats:
+    given = points.tolist() if isinstance(points, np.ndarray) else points
+    rows = [given] if _is_a_point(given) else given
+    if not isinstance(rows, list | tuple) or not any(has_words(row) for row in rows):
+        raise refused("contact points", "(k, 3) [m]", points)
+    return np.array([point_of(row, mesh, f"contact point {k}") for k, row in enumerate(rows)])
+
+
+def _is_a_point(words: Any) -> bool:
+    """Whether words are one point, such as "(100, 50, 80) mm" or ["10 cm", 0.05, "80%"], and not a list of points."""
+    if isinstance(words, str):
+        return True
+    return has_words(words) and not any("," in part for part in words if isinstance(part, str))
 
 
 def _pairs(touches: Touches) -> list[tuple[ArrayLike, ArrayLike]]:
