@@ -238,9 +238,11 @@ def _holds(
     match = CONDITION.fullmatch(condition)
     if not match or not (match["low"] or match["high"]):
         if re.fullmatch(r"[\w:. -]+", condition) and not condition.startswith("within "):
-            raise VisceraError(f"{place!r}: the mesh has no {noun} set {condition!r}; {did_you_mean(condition, sets)}")
+            raise VisceraError(
+                f"{brief(place)}: the mesh has no {noun} set {brief(condition)}; {did_you_mean(condition, sets)}"
+            )
         raise VisceraError(
-            f"cannot read {condition!r} in {place!r}; write conditions such as 'x < 10%', 'z > 3 cm' or "
+            f"cannot read {brief(condition)} in {brief(place)}; write conditions such as 'x < 10%', 'z > 3 cm' or "
             "'within 8 mm of (100, 50, 80) mm', joined by 'and'"
         )
     parts = match.groupdict()

@@ -48,7 +48,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -57,7 +56,7 @@ from typing import Any, TypeVar
 from viscera import organs
 from viscera.boundary.elastic_support import ElasticSupport
 from viscera.boundary.holding import AT_REST
-from viscera.cases import schema
+from viscera.cases import schema, toml
 from viscera.cases.material import material
 from viscera.errors import VisceraError, did_you_mean, naming
 from viscera.files.mesh import metres_per_unit
@@ -71,11 +70,6 @@ from viscera.reduced.checkpoint import Checkpoint
 from viscera.reduced.touch import Touch
 from viscera.reduced.vary import of_words
 from viscera.state import State
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 Made = TypeVar("Made")
 PLACED = ("displacement", "force", "traction", "pressure")
@@ -338,12 +332,7 @@ def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], 
     source = path_of(path, "the case file")
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
-    try:
-        words = tomllib.loads(source.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise VisceraError(f"{source}: not in UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8") from error
-    except (ValueError, RecursionError) as error:  # wrong TOML; lists in lists in lists
-        raise VisceraError(f"{source}: not a TOML file ({error})") from error
+    words = toml.read(source)
     with naming(str(source)):
         return made(words, source.parent, str(source))
 
@@ -381,14 +370,15 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
     if name.startswith("organ:"):
         organ = name.removeprefix("organ:")
         if organ not in BUILT_IN:
-            raise VisceraError(f"unknown built-in organ {organ!r}; {did_you_mean(organ, BUILT_IN)}")
+            raise VisceraError(f"unknown built-in organ {brief(organ)}; {did_you_mean(organ, BUILT_IN)}")
         if units is not None and metres_per_unit(units) != 1.0:
             raise VisceraError(
                 f'{name}: a built-in organ is in metres, and the units are {brief(units)}: leave them out, or say "m"'
             )
         return BUILT_IN[organ]()
     if units is None:
-        if not (folder / name).exists():
-            raise VisceraError(f"{folder / name}: no such file; name a mesh file, or a built-in organ as 'organ:liver'")
+        file = path_of(folder / name, "the mesh file")
+        if not file.exists():
+            raise VisceraError(f"{file}: no such file; name a mesh file, or a built-in organ as 'organ:liver'")
         raise VisceraError(f"{name}: a mesh file needs its units, such as 'mm' or 'm'")
     return read(folder / name, units=units)

@@ -175,7 +175,7 @@ def known(words: Any, keys: Collection[str], table: str) -> Iterator[tuple[str, 
         raise VisceraError(f"{table!r} is a table, written as [{table}], got {brief(words)}")
     for name, value in words.items():
         if name not in keys:
-            raise VisceraError(f"unknown key {name!r}{of_table(table)}; {did_you_mean(str(name), keys)}")
+            raise VisceraError(f"unknown key {brief(name)}{of_table(table)}; {did_you_mean(str(name), keys)}")
         yield name, value
 
 

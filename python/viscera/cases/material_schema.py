@@ -10,7 +10,7 @@ from typing import Any
 from viscera import _core, law
 from viscera.cases.entries import Key, PerCell, Point, Table, known, of_table
 from viscera.errors import VisceraError, did_you_mean
-from viscera.quantity import Check, Choice, Flag, Number, Vector, numbers_of, refused
+from viscera.quantity import Check, Choice, Flag, Number, Vector, brief, numbers_of, refused
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _require_all(kind: str, own: Mapping[str, Any], table: str) -> None:
 def _parameter(kind: str, name: str, table: str) -> Check:
     """What a parameter of a law must be."""
     if name not in taken_by(kind):
-        raise VisceraError(f"[{table}] {kind}: it has no parameter {name!r}; {did_you_mean(name, taken_by(kind))}")
+        raise VisceraError(f"[{table}] {kind}: it has no parameter {brief(name)}; {did_you_mean(name, taken_by(kind))}")
     if name == "fibres":
         return Fibres(table)
     return (OTHERS[kind] if name in OTHERS.get(kind, {}) else PARAMETERS)[name].value
