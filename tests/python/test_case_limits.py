@@ -9,6 +9,7 @@ import pytest
 
 import viscera as vs
 from viscera.cases import toml
+from viscera.cases.case import read_case
 
 CASE = """
 mesh = "organ:beam"
@@ -21,7 +22,7 @@ def refused(folder: Path, text: str) -> str:
     """The sentence that refuses a case of this text."""
     (folder / "case.toml").write_text(text, encoding="utf-8")
     with pytest.raises(vs.VisceraError) as error:
-        vs.case(folder / "case.toml").organ()
+        read_case(folder / "case.toml").organ()
     told = str(error.value)
     assert told.startswith(f"{folder / 'case.toml'}: "), "the case file is named"
     assert len(told) < len(str(folder)) + 500
@@ -40,13 +41,13 @@ def test_a_key_of_many_parts_is_refused_at_once(tmp_path: Path, key: str) -> Non
 def test_long_texts_take_no_time(tmp_path: Path, text: str) -> None:
     (tmp_path / "case.toml").write_text(f"{CASE}# {text}\n", encoding="utf-8")
     began = perf_counter()
-    assert vs.case(tmp_path / "case.toml").mesh == "organ:beam"
+    assert read_case(tmp_path / "case.toml").mesh == "organ:beam"
     assert perf_counter() - began < 5.0
 
 
 def test_a_key_may_have_as_many_parts_as_any_case_needs(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(f'{CASE}loads.force."x > 90%" = [0, 0, -1]\n# 1.2.3.4.5, v1.2.3\n')
-    assert vs.case(tmp_path / "case.toml").loads["force"] == {"x > 90%": [0, 0, -1]}
+    assert read_case(tmp_path / "case.toml").loads["force"] == {"x > 90%": [0, 0, -1]}
 
 
 def test_a_file_larger_than_any_case_is_refused(tmp_path: Path) -> None:

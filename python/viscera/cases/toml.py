@@ -40,6 +40,7 @@ def read(path: Path) -> dict[str, Any]:
         line = text.count("\n", 0, key.start()) + 1
         raise VisceraError(f"{path}: line {line} has a key of {MOST_PARTS} parts and more, and no case has such a key")
     try:
-        return tomllib.loads(text)
+        words: dict[str, Any] = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # wrong TOML; lists in lists in lists
         raise VisceraError(f"{path}: not a TOML file ({error})") from error
+    return words
