@@ -149,6 +149,13 @@ def test_lines_from_other_files_and_long_keywords(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("span", "nodes"), [("2, 99999999999", [1, 2, 3, 4]), (f"{1 - 10**30}, {10**30}, 2", [0, 2, 4])]
+)
+def test_a_generated_set_may_reach_beyond_the_nodes(tmp_path: Path, span: str, nodes: list[int]) -> None:
+    assert sets(read(tmp_path, f"{BOTH}*NSET, NSET=x, GENERATE\n{span}\n")).get("x", []) == nodes
+
+
+@pytest.mark.parametrize(
     ("text", "sentence"),
     [
         ("*SYSTEM\n0,0,10\n" + BOTH, "*SYSTEM moves the nodes of the file, which is not read; write their coordinates"),
@@ -173,6 +180,9 @@ def test_lines_from_other_files_and_long_keywords(tmp_path: Path) -> None:
         (BOTH + "*NODE\n6x, 1, 2, 3\n", "line 12: '6x' is no whole number"),
         (BOTH.replace("2,3,4,5\n", "2,3,4.5,5\n"), "line 10: '4.5' is no whole number"),
         (BOTH + "*NSET, NSET=x, GENERATE\n1, 1e3\n", "line 12: '1e3' is no whole number"),
+        (BOTH + "*NSET, NSET=x, GENERATE\n1, 5, 0\n", "line 12: the step is 0; it must be 1 or more"),
+        (BOTH + "*NSET, NSET=x, GENERATE\n1,\n", "line 12: a set that is generated needs the first number, the last"),
+        (BOTH + "*INCLUDE, INPUT=/dev/null\n", "it takes lines from /dev/null, and there is no such file beside it"),
         (BOTH + "*INCLUDE, INPUT=gone.inp\n", "it takes lines from gone.inp, and there is no such file beside it"),
         (BOTH + "*INCLUDE, INPUT=a.inp\n", "a.inp includes itself"),
     ],

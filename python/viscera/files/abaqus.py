@@ -297,8 +297,7 @@ def _kind(name: str) -> str:
 def _members(block: Block, parameter: str, sets: Mapping[str, list[int]], known: Collection[int]) -> list[int]:
     """The numbers in a set: listed, generated from first, last and step, or those of sets before it."""
     if "GENERATE" in block.parameters:
-        spans = [([line.whole(word) for word in line.words if word] + [1])[:3] for line in block.lines]
-        return [n for first, last, step in spans for n in range(first, last + 1, step) if n in known]
+        return [number for line in block.lines for number in _generated(line, known)]
     found: list[int] = []
     for _, word in block.words():
         found += [int(word)] if word.isdecimal() else _found(word, sets)
@@ -307,6 +306,21 @@ def _members(block: Block, parameter: str, sets: Mapping[str, list[int]], known:
         noun = "node" if parameter == "NSET" else "element"
         raise VisceraError(f"{_name(block, parameter)!r} names {noun} {missing}, which is not there")
     return found
+
+
+def _generated(line: Line, known: Collection[int]) -> list[int]:
+    """The numbers from first to last in steps, 1 if there is none, of those that are there; however far they reach."""
+    numbers = [line.whole(word) for word in line.words if word]
+    if len(numbers) not in (2, 3):
+        raise VisceraError(f"{line.place}: a set that is generated needs the first number, the last, and a step")
+    first, last, step = (*numbers, 1)[:3]
+    if step < 1:
+        raise VisceraError(f"{line.place}: the step is {step}; it must be 1 or more")
+    span = range(first, last + 1, step)
+    # Of the two, the shorter is walked.
+    if (last - first) // step < len(known):
+        return [number for number in span if number in known]
+    return [number for number in sorted(known) if number in span]
 
 
 def _found(name: str, sets: Mapping[str, list[int]], by: str = "a set") -> list[int]:
