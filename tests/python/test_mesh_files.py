@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -161,6 +162,27 @@ def test_a_damaged_node_tag_of_gmsh_takes_no_memory(bar: vs.Mesh, tmp_path: Path
     path.write_bytes(data)
     with pytest.raises(VisceraError, match=f"its header declares {largest + 1} nodes, and its blocks hold {largest}"):
         vs.read(path)
+
+
+FAR = 2_000_000_000
+BLOCK = struct.pack("<4Q3iQ4Q12d", 1, 4, 1, FAR, 3, 0, 0, 4, 1, 2, 3, FAR, *[0.0] * 9, *[0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("version", "nodes"),
+    [
+        ("2.2 0", b"4\n1 0 0 0\n2 1 0 0\n%d 0 1 0\n3 0 0 1\n" % FAR),
+        ("4.0 0", b"1 4\n1 0 0 4\n1 0 0 0\n2 1 0 0\n%d 0 1 0\n3 0 0 1\n" % FAR),
+        ("4.1 0", b"1 4 1 %d\n3 0 0 4\n1\n2\n3\n%d\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n" % (FAR, FAR)),
+        ("4.1 1", BLOCK),
+    ],
+)
+def test_gmsh_tags_with_a_wide_gap_take_no_memory(tmp_path: Path, version: str, nodes: bytes) -> None:
+    """meshio makes room for the largest tag, sixteen gigabytes here."""
+    head = f"$MeshFormat\n{version} 8\n".encode() + (struct.pack("<i", 1) + b"\n" if version.endswith("1") else b"")
+    (tmp_path / "far.msh").write_bytes(head + b"$EndMeshFormat\n$Nodes\n" + nodes + b"\n$EndNodes\n")
+    with pytest.raises(VisceraError, match=rf"far\.msh: a node has the tag {FAR}, far beyond its 4 nodes.*renumber"):
+        vs.read(tmp_path / "far.msh")
 
 
 def test_groups_without_a_name_are_called_by_dimension_and_number(bar: vs.Mesh, tmp_path: Path) -> None:

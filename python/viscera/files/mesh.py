@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera.errors import VisceraError, did_you_mean, refuse_case_file
-from viscera.files import febio, gmsh_names
+from viscera.files import febio, gmsh_names, gmsh_tags
 from viscera.files.atomic import replacing, writable
 from viscera.quantity import Number, brief, path_of
 
@@ -258,8 +258,8 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
         head = file.read(1000).lstrip() if ending == ".msh" else b""
     own = "gmsh1" if head.startswith(b"$NOD") else OWN_READERS.get(ending)
     reader = importlib.import_module(f"viscera.files.{own}" if own else f"meshio.{MESHIO_MODULES[ending]}")
-    if binary := re.search(rb"^\$MeshFormat\s+4(?!\.0)[\d.]*\s+1\s+([48])\s", head, re.MULTILINE):
-        _refuse_false_tags(path.read_bytes(), int(binary[1]))
+    if ending == ".msh" and own is None:
+        gmsh_tags.require_room(path.read_bytes())
     names = gmsh_names.read(path) if ending == ".msh" else {}
     with gmsh_names.with_distinct_names(path, names) as source:
         found = reader.read(source)
@@ -271,29 +271,6 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
     sets |= {name: nodes for name, nodes in groups.items() if name not in sets}
     messages = tuple((found.info or {}).get("messages", ()))
     return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found, names), messages
-
-
-def _refuse_false_tags(data: bytes, size: int) -> None:
-    """Refuses a binary Gmsh file of version 4.1 with damaged node tags: meshio makes room for the largest."""
-    nodes = data.partition(b"$Nodes\n")[2]
-    unsigned = np.dtype(f"u{size}")
-    if not nodes:
-        return
-    n_blocks, declared, _, largest = np.frombuffer(nodes, unsigned, 4).tolist()
-    at, held = 4 * size, 0
-    for _ in range(n_blocks):
-        if np.frombuffer(nodes, np.int32, 3, at)[2]:  # parameters follow the coordinates, which meshio refuses
-            return
-        (count,) = np.frombuffer(nodes, unsigned, 1, at + 12).tolist()
-        at += 12 + size
-        tag = int(np.frombuffer(nodes, unsigned, count, at).max(initial=0))
-        # Some programs state the largest tag wrongly; one below the size of the file takes little memory.
-        if tag > max(largest, len(data)):
-            raise VisceraError(f"damaged: a node has the tag {tag}, and its header states {largest} as the largest")
-        at += count * (size + 24)
-        held += count
-    if held != declared:
-        raise VisceraError(f"damaged: its header declares {declared} nodes, and its blocks hold {held}")
 
 
 def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
