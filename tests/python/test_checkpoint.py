@@ -9,6 +9,7 @@ import stat
 import subprocess
 import sys
 import time
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,24 @@ def test_a_damaged_record_is_solved_again(organ: vs.Organ, whole: bytes, tmp_pat
     assert contents(organ.reduce(**SETTINGS, checkpoint=path), tmp_path) == whole
 
 
+def test_only_what_is_a_batch_counts_as_finished(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
+    """A second record of the same positions adds nothing, and the core ignores what is none of its own."""
+    path, said = tmp_path / "beam.batches", list[str]()
+    with pytest.raises(Enough):
+        organ.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+    head, _, records = path.read_bytes().partition(b"\n")
+    kept, at = list[bytes](), 0
+    while at < len(records):
+        length, _ = RECORD.unpack_from(records, at)
+        kept.append(records[at : at + RECORD.size + length])
+        at += len(kept[-1])
+    foreign = b"no batch"
+    path.write_bytes(head + b"\n" + kept[0] + RECORD.pack(len(foreign), zlib.crc32(foreign)) + foreign + kept[0])
+    touch = organ.reduce(**SETTINGS, checkpoint=Checkpoint(path, said.append))
+    assert said == [f"continuing after 1 finished batch, from {path}"]
+    assert contents(touch, tmp_path) == whole
+
+
 def test_batches_of_another_case_are_left_out_and_it_is_said(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
     path = tmp_path / "beam.batches"
     softer = organ.with_law(vs.NeoHookean(young=0.9e5, poisson=0.3))
@@ -151,12 +170,13 @@ def test_ctrl_c_while_finished_batches_are_read_stops_before_any_is_solved(
     assert "solve" not in stages
 
 
-def test_a_file_of_something_else_is_not_touched(organ: vs.Organ, tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ["four years of work", "[" * 999])
+def test_a_file_of_something_else_is_not_touched(organ: vs.Organ, tmp_path: Path, text: str) -> None:
     path = tmp_path / "thesis.txt"
-    path.write_text("four years of work")
+    path.write_text(text)
     with pytest.raises(vs.VisceraError, match="no file of finished batches"):
         organ.reduce(**SETTINGS, checkpoint=path)
-    assert path.read_text() == "four years of work"
+    assert path.read_text() == text
     with pytest.raises(vs.VisceraError, match="the file of finished batches must be named by a text or a path, got 3"):
         organ.reduce(**SETTINGS, checkpoint=3)  # type: ignore[arg-type]
     with pytest.raises(vs.VisceraError, match="batches cannot be kept there"):

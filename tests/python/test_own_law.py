@@ -306,3 +306,9 @@ def test_stable_neo_hookean_recovers_from_inversion(cube: vs.Mesh) -> None:
     assert np.isfinite(law.energy(inside_out)).all()
     organ = vs.Organ(cube, law, fixed="bottom")
     assert organ.solve(displacement={"top": (0.0, 0.0, -0.03)}).status == "converged"
+
+
+def test_half_a_letter_in_a_formula_is_told_with_its_place() -> None:
+    """As a text has it that was read with `errors="surrogateescape"`; UTF-8 has no form for it."""
+    with pytest.raises(vs.VisceraError, match=r'formula, character 6, at "\\\\udcb5": expected a number'):
+        vs.StrainEnergy("I1 + \udcb5")

@@ -54,7 +54,9 @@ class StrainEnergy(Law):
             raise refused(
                 "StrainEnergy: the energy", "a formula, such as 'mu/2*(I1bar - 3) + kappa/2*(J - 1)**2'", energy
             )
-        name = self.prefix + " ".join(energy.split())
+        # Half a letter of UTF-16 is no text for the core, which says of its escape where it stands.
+        written = energy.encode("utf-8", "backslashreplace").decode("utf-8")
+        name = self.prefix + " ".join(written.split())
         families = self._take_name(name)
         if "fibres" in self.names:
             raise VisceraError("StrainEnergy: 'fibres' names the directions of fibres; call the parameter otherwise")

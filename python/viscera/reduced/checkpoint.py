@@ -25,6 +25,7 @@ import numpy as np
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.quantity import path_of
+from viscera.reduced.regions import positions_of
 
 RECORD = struct.Struct("<QQ")
 SUFFIX = ".batches"
@@ -125,19 +126,21 @@ class Batches:
             self._say(f"{self._path}: the batches there are of another case or version; starting again")
             self._begin()
             return []
-        batches, end = [], self._file.tell()
+        batches, end = dict[tuple[int, ...], bytes](), self._file.tell()
         size = self._path.stat().st_size
         while len(record := self._file.read(RECORD.size)) == RECORD.size:
             length, checksum = RECORD.unpack(record)
             batch = self._file.read(length) if length <= size else b""
             if len(batch) < length or zlib.crc32(batch) != checksum:
                 break
-            batches.append(batch)
+            if positions := positions_of(batch):  # the core ignores what is no batch, and a second one of its positions
+                batches[tuple(positions)] = batch
             end = self._file.tell()
         self._file.truncate(end)
         if batches:
-            self._say(f"continuing after {len(batches)} finished batches, from {self._path}")
-        return batches
+            counted = "1 finished batch" if len(batches) == 1 else f"{len(batches)} finished batches"
+            self._say(f"continuing after {counted}, from {self._path}")
+        return list(batches.values())
 
     def _begin(self) -> None:
         self._file.truncate(0)
@@ -178,7 +181,7 @@ def _case_of(file: IO[bytes], path: Path) -> str | None:
         return None
     try:
         return str(json.loads(head)["viscera batches"])
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise VisceraError(f"{path} is no file of finished batches; move it away, or choose another output") from None
 
 
