@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import lzma
 import re
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -46,6 +48,25 @@ class Appended:
     @property
     def section(self) -> bytes:
         return f'<AppendedData encoding="{self.encoding}">_'.encode() + self.data + b"\n</AppendedData>"
+
+
+class Compressed(Appended):
+    """Blocks of 4 kB in their arrays or as bytes after them, of which the last states less than it holds."""
+
+    def __init__(self, encoding: str, compress: Callable[[bytes], bytes], withheld: int) -> None:
+        super().__init__(encoding)
+        self.compress, self.withheld = compress, withheld
+
+    def __call__(self, values: NDArray[Any]) -> tuple[str, str]:
+        start, data = len(self.data), values.tobytes()
+        parts = [data[k : k + 4096] for k in range(0, len(data), 4096)]
+        blocks = [self.compress(part) for part in parts]
+        numbers = [len(parts), 4096, len(parts[-1]) % 4096 - self.withheld, *map(len, blocks)]
+        header, body = np.array(numbers, dtype=np.uint32).tobytes(), b"".join(blocks)
+        if self.encoding == "raw":
+            self.data += header + body
+            return f'format="appended" offset="{start}"', ""
+        return 'format="binary"', (base64.b64encode(header) + base64.b64encode(body)).decode()
 
 
 def array(write: Write, name: str, values: NDArray[Any]) -> str:
@@ -191,3 +212,22 @@ def test_pieces_that_do_not_belong_together_are_refused(bar: vs.Mesh, tmp_path: 
         vs.read(put(tmp_path / "a.vtu", [piece(Ascii(), **first), piece(Ascii(), **beyond)]))
     with pytest.raises(VisceraError, match=r"a.vtu: piece 1 has no array 'half', which other pieces have; write it in"):
         vs.read(put(tmp_path / "a.vtu", [piece(Ascii(), **each) for each in (first, second | {"at_cells": {}})]))
+
+
+@pytest.mark.parametrize("encoding", ["base64", "raw"])
+@pytest.mark.parametrize("compressor", ["ZLib", "LZMA"])
+def test_a_compressed_block_is_inflated_no_further_than_it_states(
+    bar: vs.Mesh, tmp_path: Path, encoding: str, compressor: str
+) -> None:
+    """A block of a few megabytes would take all memory."""
+    for withheld in (0, 1):
+        write = Compressed(encoding, zlib.compress if compressor == "ZLib" else lzma.compress, withheld)
+        alone = piece(write, bar.points, bar.cells)
+        path = put(tmp_path / "a.vtu", [alone], write.section if encoding == "raw" else b"")
+        named = f'version="0.1" compressor="vtk{compressor}DataCompressor"'.encode()
+        path.write_bytes(path.read_bytes().replace(b'version="0.1"', named))
+        if withheld:
+            with pytest.raises(VisceraError, match=r"a.vtu: damaged: a compressed block holds more than the \d+ bytes"):
+                vs.read(path)
+        else:
+            assert np.array_equal(vs.read(path).cells, bar.cells)

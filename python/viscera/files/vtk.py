@@ -21,6 +21,7 @@ from meshio.vtu import _vtu
 from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
+from viscera.files import vtu
 
 PIECE = re.compile(rb"<Piece\b[^>]*>")
 N_CELLS = re.compile(rb"\bNumberOfCells\s*=\s*[\"']\s*(\d+)")
@@ -73,9 +74,11 @@ def _read_legacy(path: Path) -> meshio.Mesh:
 
 
 def _read_xml(path: Path) -> meshio.Mesh:
-    tags = PIECE.findall(path.read_bytes())
+    data = path.read_bytes()
+    vtu.require_stated_sizes(data)
+    tags = PIECE.findall(data)
     if len(tags) == 1 and _is_filled(tags[0]):
-        return meshio.vtu.read(str(path))
+        return vtu.read(path)
     pieces = _pieces(path)
     return _joined(pieces) if pieces else meshio.Mesh(np.empty((0, 3)), [])
 
@@ -106,7 +109,7 @@ def _pieces(path: Path) -> list[meshio.Mesh]:
                 grid.append(piece)
                 ET.ElementTree(root).write(alone)
                 grid.remove(piece)
-                found.append(meshio.vtu.read(str(alone)))
+                found.append(vtu.read(alone))
     return found
 
 
