@@ -64,7 +64,7 @@ class _Reader(_vtu.VtuReader):  # type: ignore[misc]
     """meshio's reader, with blocks that are inflated as far as they state."""
 
     def read_compressed_binary(self, data: str, dtype: np.dtype[Any]) -> NDArray[Any]:
-        order = ORDERS.get(self.byte_order, "=")
+        order: Literal["<", ">", "="] = ORDERS.get(self.byte_order, "=")
         kind = _vtu.vtu_to_numpy_type[self.header_type].newbyteorder(order)
         first = base64.b64decode(data[: _letters(kind.itemsize)])
         count = int(np.frombuffer(first[: kind.itemsize], kind)[0])
