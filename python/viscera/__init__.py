@@ -14,6 +14,9 @@ from viscera import startup  # noqa: F401 - before whatever takes its time
 from viscera import compiled  # noqa: F401 - before whatever needs it
 
 # isort: split
+from viscera import threads  # noqa: F401 - before the core starts any
+
+# isort: split
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__

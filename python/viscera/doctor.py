@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from viscera import _core, gpu
+from viscera import _core, gpu, threads
 from viscera.errors import VisceraError
 
 VECTOR_UNITS = ("sse4_2", "avx2", "fma", "avx512f", "asimd", "sve")
@@ -47,8 +47,8 @@ def examine() -> dict[str, Any]:
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
         "processor": _processor(),
-        "cores": _cores(),
-        "threads": _threads(),
+        "cores": threads.cores(),
+        "threads": threads.in_use(),
         "vector_units": _vector_units(),
         "gpus": _gpus(),
         "gpu": device,
@@ -114,16 +114,6 @@ def _processor() -> str:
     models = (line.partition(":")[2].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name"))
     named = next(models, "")
     return named or platform.processor() or platform.machine()
-
-
-def _cores() -> int:
-    has_affinity = hasattr(os, "sched_getaffinity")
-    return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
-
-
-def _threads() -> int:
-    given = os.environ.get("RAYON_NUM_THREADS", "")
-    return int(given) if given.isdecimal() and int(given) > 0 else _cores()
 
 
 def _vector_units() -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import viscera
+from viscera.threads import cores, in_use
 
 PACKAGE = Path(viscera.__file__).resolve().parent
 
@@ -18,14 +19,14 @@ PACKAGE = Path(viscera.__file__).resolve().parent
 def describe(threads: int | None = None) -> str:
     """Two lines: processor, cores, system and versions; then the stamp."""
     return (
-        f"{_processor()}, {_cores()} cores, {platform.system()}; "
+        f"{_processor()}, {cores()} cores, {platform.system()}; "
         f"viscera {viscera.__version__}, Python {platform.python_version()}, NumPy {np.__version__}\n{stamp(threads)}"
     )
 
 
 def stamp(threads: int | None = None) -> str:
     """One line: date, commit if this is a working tree, load over the last minute, threads (by default the core's)."""
-    count = threads or int(os.environ.get("RAYON_NUM_THREADS") or _cores())
+    count = threads or in_use()
     load = f"load {os.getloadavg()[0]:.2f}, " if hasattr(os, "getloadavg") else ""
     return f"printed on {date.today().isoformat()}{_commit()}; {load}{count} thread{'s' if count > 1 else ''}"
 
@@ -42,10 +43,6 @@ def _commit() -> str:
 
 def _git(*words: str) -> str:
     return subprocess.run(["git", *words], cwd=PACKAGE, check=True, capture_output=True, text=True).stdout
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> str:
