@@ -87,3 +87,10 @@ def test_a_set_is_inflated_no_further_than_its_bits(model: bytes) -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 5_000_000
+
+
+@pytest.mark.parametrize("names", [[], ["mu", "lam", "kappa"], ["mu", "lam", "kappa", "beta", "eta"]])
+def test_parameters_of_a_law_have_a_column_for_each_name(model: bytes, names: list[str]) -> None:
+    """No columns ended in a panic where the organ was asked for."""
+    with pytest.raises(vs.VisceraError, match=rf"law_parameters has \d+ entries, .* the {len(names)} columns in"):
+        load_bytes(with_metadata(model, law_parameter_names=names))

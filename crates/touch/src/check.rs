@@ -17,6 +17,7 @@ pub(super) fn check(metadata: &Metadata, arrays: &Arrays) -> Result<Counts, Erro
     check_metadata(metadata)?;
     let counts = Counts::new(metadata, arrays)?;
     check_shapes(arrays, &counts)?;
+    check_law(metadata, arrays)?;
     check_indices(arrays, &counts)?;
     check_family(metadata.parameter.as_ref(), arrays)?;
     check_values(arrays)?;
@@ -163,6 +164,18 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
                 "array {name} has {found} entries instead of {expected}"
             )));
         }
+    }
+    Ok(())
+}
+
+/// The array of the law's parameters has rows of as many columns as it names.
+fn check_law(metadata: &Metadata, a: &Arrays) -> Result<(), Error> {
+    let columns = metadata.law_parameter_names.len();
+    if columns == 0 || !a.law_parameters.len().is_multiple_of(columns) {
+        return Err(Error::model_file(format!(
+            "array law_parameters has {} entries, which are no rows of the {columns} columns in law_parameter_names",
+            a.law_parameters.len()
+        )));
     }
     Ok(())
 }
