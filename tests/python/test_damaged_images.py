@@ -148,3 +148,9 @@ def test_a_header_may_name_a_file_for_each_slice(tmp_path: Path, name: str, name
     text = named.format("\n".join(slices), here=tmp_path) if "{" in named else named
     rewrite(tmp_path / name, "(data file: |ElementDataFile = ).*\n", rf"\g<1>{text}" + "\n")
     assert np.array_equal(vs.scan(tmp_path / name).values, LABELS)
+
+
+def test_voxels_may_be_compressed_in_parts(tmp_path: Path) -> None:
+    path, data = tmp_path / "labels.nhdr", LABELS.tobytes(order="F")
+    write(path).write_bytes(gzip.compress(data[:500]) + gzip.compress(data[500:]) + b"\0\0")
+    assert np.array_equal(vs.scan(path).values, LABELS)

@@ -22,6 +22,8 @@ NUMBERED = re.compile(r"([^%]*%0?\d{0,2}d[^%]*?)\s+(-?\d+)\s+(-?\d+)(?:\s+(-?\d+
 """Files by number: the form of their names, the first number, the last, and the step."""
 EITHER = 47
 """Of zlib: a stream of zlib or of gzip, by its first bytes."""
+GZIP = b"\x1f\x8b"
+"""The first bytes of such a stream."""
 CHUNK = 1 << 20
 """Bytes that are read at once."""
 
@@ -61,13 +63,17 @@ class Stored:
         try:
             for chunk in self._chunks(path):
                 pending = chunk
-                while pending and not stream.eof:
+                while pending:
+                    if stream.eof:  # gzip may go on in another part, as tools that compress in parallel write it
+                        if not pending.startswith(GZIP):
+                            return count
+                        stream = zlib.decompressobj(EITHER)
                     count += len(stream.decompress(pending, CHUNK))
-                    pending = stream.unconsumed_tail
-                if stream.eof:
-                    return count
+                    pending = stream.unused_data if stream.eof else stream.unconsumed_tail
         except zlib.error as error:
             raise VisceraError(f"{path.name} is damaged, so its voxels may be wrong ({error}); copy it anew") from error
+        if stream.eof:
+            return count
         raise VisceraError(f"{path.name} is cut short: its compressed voxels have no end; copy it anew")
 
     def _chunks(self, path: Path) -> Iterator[bytes]:
