@@ -1,37 +1,27 @@
-//! Fill-reducing orderings: minimum degree, or one of a few nested dissections of the graph of nodes, whichever makes the
-//! least work; numbered along the elimination tree so that columns with like patterns become neighbours (supernodes).
+//! Fill-reducing orderings: minimum degree or nested dissection of the graph of nodes, whichever makes less work; numbered
+//! along the elimination tree so that columns with like patterns become neighbours (supernodes).
 //!
-//! Minimum degree does best for small and thin bodies, dissection for large and thick ones; dissections that begin
-//! with other random numbers differ by a tenth.
+//! Minimum degree does best for small and thin bodies, dissection for large and thick ones.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
 
+use super::dissection::dissection;
+use super::graph::{Graph, NONE};
 use super::{FactorError, Pattern};
-
-const NONE: u32 = u32::MAX;
-
-/// Random numbers that nested dissections begin with.
-#[cfg(not(target_family = "wasm"))]
-const SEEDS: [u64; 2] = [1, 2];
 
 /// The rows of the matrix in elimination order: entry `k` is the caller's row that is eliminated `k`-th.
 pub(super) fn elimination_order(pattern: &Pattern) -> Result<Vec<u32>, FactorError> {
     let graph = Graph::new(pattern);
-    let along_tree = |order: Vec<u32>| {
+    let along_tree = |order: Vec<u32>| -> (f64, Vec<u32>) {
         let tree = elimination_tree(&graph, &order);
         let work = work(&graph, &order, &tree);
         (work, postorder(&tree).into_iter().map(|step| order[step as usize]).collect())
     };
-    let mut best: (f64, Vec<u32>) = along_tree(minimum_degree(&graph)?);
-    for order in nested_dissections(&graph) {
-        let other = along_tree(order);
-        if other.0 < best.0 {
-            best = other;
-        }
-    }
-    Ok(graph.rows_of(&best.1))
+    let [by_degree, by_dissection] = [minimum_degree(&graph)?, dissection(&graph)].map(along_tree);
+    let (_, least) = if by_dissection.0 < by_degree.0 { by_dissection } else { by_degree };
+    Ok(graph.rows_of(&least))
 }
 
 /// Where each of the caller's rows is in `order`.
@@ -43,37 +33,11 @@ pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
     position
 }
 
-/// Nested dissections, on as many threads, less those for which the partitioner fails or returns no permutation.
-#[cfg(not(target_family = "wasm"))]
-fn nested_dissections(graph: &Graph) -> Vec<Vec<u32>> {
-    use feral_scotch::{CscPattern, ScotchOptions, scotch_order_full};
-    use rayon::prelude::*;
-    let dissect = |seed| {
-        let pattern = CscPattern::new(graph.n, &graph.start, &graph.neighbour)?;
-        // For organs the work hardly depends on these, and the time does: two trials take three fifths of five.
-        let (amd_switch, max_imbalance, n_sep_trials) = (60, 0.1, 2);
-        let options =
-            ScotchOptions { amd_switch, max_imbalance, n_sep_trials, seed, ..Default::default() };
-        let (order, _, _) = scotch_order_full(&pattern, &options).ok()?;
-        let order: Vec<u32> = order.into_iter().map(|row| row as u32).collect();
-        is_permutation(&order, graph.n).then_some(order)
-    };
-    let found: Vec<Option<Vec<u32>>> = SEEDS.into_par_iter().map(dissect).collect();
-    found.into_iter().flatten().collect()
-}
-
-/// In a page the partitioner cannot run, as it times itself; organs that are stepped there are small.
-#[cfg(target_family = "wasm")]
-fn nested_dissections(_: &Graph) -> Vec<Vec<u32>> {
-    Vec::new()
-}
-
 /// Approximate minimum degree.
 fn minimum_degree(graph: &Graph) -> Result<Vec<u32>, FactorError> {
     let n = graph.n;
-    let unsigned = |numbers: &[i32]| -> Vec<u32> { numbers.iter().map(|&i| i as u32).collect() };
-    let (start, neighbour) = (unsigned(&graph.start), unsigned(&graph.neighbour));
-    let pattern = SymbolicSparseColMatRef::new_checked(n, n, &start, None, &neighbour);
+    let (start, neighbour) = (&graph.start, &graph.neighbour);
+    let pattern = SymbolicSparseColMatRef::new_checked(n, n, start, None, neighbour);
     let (mut order, mut position) = (vec![0u32; n], vec![0u32; n]);
     let mut memory = MemBuffer::try_new(amd::order_scratch::<u32>(n, neighbour.len()))
         .map_err(|_| FactorError::OutOfMemory)?;
@@ -86,109 +50,6 @@ fn minimum_degree(graph: &Graph) -> Result<Vec<u32>, FactorError> {
     )
     .map_err(|_| FactorError::TooLarge { n })?;
     Ok(order)
-}
-
-/// Who neighbours whom among the blocks of a matrix, from both triangles, without the diagonal, ascending. A block is a
-/// run of rows with the same entries, such as the three of a node: they fill in alike, so they are ordered as one.
-struct Graph {
-    /// Number of blocks.
-    n: usize,
-    start: Vec<i32>,
-    neighbour: Vec<i32>,
-    /// First row of each block, and the end of the last.
-    first_row: Vec<u32>,
-}
-
-impl Graph {
-    fn new(pattern: &Pattern) -> Self {
-        let first_row = blocks(pattern);
-        let n = first_row.len() - 1;
-        let mut block_of = vec![NONE; pattern.n];
-        first_row[..n].iter().enumerate().for_each(|(b, &row)| block_of[row as usize] = b as u32);
-        // Between first rows there is an entry if and only if there is one between their blocks.
-        let off_diagonal = |block: usize| {
-            let entries = pattern.column(first_row[block] as usize);
-            let rows = &pattern.row[entries.start..entries.end - 1];
-            let blocks = rows.iter().map(|&row| block_of[row as usize]);
-            blocks.filter(|&block| block != NONE).map(|block| block as usize)
-        };
-        let mut start = vec![0i32; n + 1];
-        for block in 0..n {
-            for other in off_diagonal(block) {
-                start[other + 1] += 1;
-                start[block + 1] += 1;
-            }
-        }
-        for block in 0..n {
-            start[block + 1] += start[block];
-        }
-        let mut next = start.clone();
-        let mut neighbour = vec![0i32; start[n] as usize];
-        let mut append = |block: usize, other: usize| {
-            neighbour[next[block] as usize] = other as i32;
-            next[block] += 1;
-        };
-        // Block by block, each receives first its smaller neighbours, then the greater ones in order.
-        for block in 0..n {
-            for other in off_diagonal(block) {
-                append(block, other);
-                append(other, block);
-            }
-        }
-        Self { n, start, neighbour, first_row }
-    }
-
-    fn neighbours(&self, block: u32) -> impl Iterator<Item = usize> + '_ {
-        let block = block as usize;
-        let entries = self.start[block] as usize..self.start[block + 1] as usize;
-        self.neighbour[entries].iter().map(|&other| other as usize)
-    }
-
-    /// Number of rows of a block.
-    fn size(&self, block: u32) -> u32 {
-        self.first_row[block as usize + 1] - self.first_row[block as usize]
-    }
-
-    /// The rows of these blocks.
-    fn rows_of(&self, blocks: &[u32]) -> Vec<u32> {
-        let rows =
-            |&block: &u32| self.first_row[block as usize]..self.first_row[block as usize + 1];
-        blocks.iter().flat_map(rows).collect()
-    }
-}
-
-/// First row of each run of rows that have entries in the same columns, and the number of rows.
-fn blocks(pattern: &Pattern) -> Vec<u32> {
-    // Sums of a number for each neighbour and the row itself: equal where the entries are, and almost surely only there.
-    let mut sum = vec![0u64; pattern.n];
-    for column in 0..pattern.n {
-        for entry in pattern.column(column) {
-            let row = pattern.row[entry] as usize;
-            sum[column] = sum[column].wrapping_add(scattered(row));
-            if row != column {
-                sum[row] = sum[row].wrapping_add(scattered(column));
-            }
-        }
-    }
-    let starts = (0..pattern.n).filter(|&row| row == 0 || sum[row] != sum[row - 1]);
-    starts.chain([pattern.n]).map(|row| row as u32).collect()
-}
-
-/// A number that looks random (the finaliser of SplitMix64: Steele, Lea, Flood 2014).
-fn scattered(row: usize) -> u64 {
-    let mut z = (row as u64).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
-#[cfg(any(test, not(target_family = "wasm")))]
-fn is_permutation(order: &[u32], n: usize) -> bool {
-    let mut seen = vec![false; n];
-    order.len() == n
-        && order
-            .iter()
-            .all(|&row| (row as usize) < n && !std::mem::replace(&mut seen[row as usize], true))
 }
 
 /// Parent of every elimination step in the elimination tree (Liu's algorithm with path compression).
@@ -273,6 +134,14 @@ mod tests {
     use super::*;
     use std::collections::BTreeSet;
 
+    fn is_permutation(order: &[u32], n: usize) -> bool {
+        let mut seen = vec![false; n];
+        order.len() == n
+            && order
+                .iter()
+                .all(|&row| (row as usize) < n && !std::mem::replace(&mut seen[row as usize], true))
+    }
+
     /// Columns of the factor in this order of rows, each with the steps of the rows below its diagonal, by the definition.
     fn columns(pattern: &Pattern, order: &[u32]) -> Vec<BTreeSet<u32>> {
         let position = inverse(order);
@@ -301,8 +170,8 @@ mod tests {
     /// The orders that are compared, of rows.
     fn orders(pattern: &Pattern) -> Vec<Vec<u32>> {
         let graph = Graph::new(pattern);
-        let orders = nested_dissections(&graph).into_iter().chain(minimum_degree(&graph));
-        orders.map(|order| graph.rows_of(&order)).collect()
+        let orders = [minimum_degree(&graph).unwrap(), dissection(&graph)];
+        orders.iter().map(|order| graph.rows_of(order)).collect()
     }
 
     #[test]
@@ -373,7 +242,6 @@ mod tests {
             };
             let best = work_of(&elimination_order(&pattern).unwrap());
             let all: Vec<f64> = orders(&pattern).iter().map(work_of).collect();
-            assert_eq!(all.len(), 1 + SEEDS.len());
             assert_eq!(best, all.into_iter().fold(f64::INFINITY, f64::min));
         }
     }

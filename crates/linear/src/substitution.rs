@@ -84,12 +84,11 @@ impl Panel<f64> {
     }
 }
 
-/// Zeros, or the memory's refusal as an error.
+/// Zeros, or the memory's refusal as an error. The system has pages of zeros: none is written before its time.
 pub(super) fn zeros<T: Precision>(len: usize) -> Result<Vec<T>, FactorError> {
-    let mut values = Vec::new();
-    values.try_reserve_exact(len).map_err(|_| FactorError::OutOfMemory)?;
-    values.resize(len, T::default());
-    Ok(values)
+    // Asked first, since `vec!` ends the process where there is no memory.
+    Vec::<T>::new().try_reserve_exact(len).map_err(|_| FactorError::OutOfMemory)?;
+    Ok(vec![T::default(); len])
 }
 
 /// A lower triangular factor by supernodes: the diagonal block on top of the rows below it, column-major.
