@@ -237,7 +237,7 @@ def test_a_plot_is_a_png(state: vs.State, tmp_path: Path) -> None:
 def test_too_few_iterations_are_told_as_that(bar: vs.Mesh) -> None:
     """Not as rounding, though little is left: two would do."""
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.4), fixed="root")
-    loads = {"force": {"tip": (0.0, 0.0, -1e-3)}, "solver": "cg"}
+    loads: dict[str, Any] = {"force": {"tip": (0.0, 0.0, -1e-3)}, "solver": "cg"}
     state = organ.solve(**loads, settings={"max_iterations": 1, "smallest_step": 0.9})
     assert "settings={'max_iterations': 30}" in state.message, state.message
     assert "rounding" not in state.message

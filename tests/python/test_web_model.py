@@ -177,13 +177,13 @@ def test_a_page_is_exported_whole_or_not_at_all(touch: vs.Touch, tmp_path: Path)
             export(touch, target)
         assert list(tmp_path.iterdir()) == []
     site = tmp_path / "site"
-    site.mkdir()
-    old = {name: f"old {name}" for name in ("index.html", "page.css", "viewer.js", "organ.viscera")}
-    for name, text in old.items():
-        (site / name).write_text(text)
+    export(touch, site)
+    for name in ("page.css", "viewer.js", "organ.viscera"):
+        (site / name).write_text(f"old {name}")
+    old = {path.name: path.read_bytes() for path in site.iterdir()}
     with full_disk(100_000), pytest.raises(vs.VisceraError, match=r"site/.+: could not be written"):
         export(touch, site)
-    assert {path.name: path.read_text() for path in site.iterdir()} == old
+    assert {path.name: path.read_bytes() for path in site.iterdir()} == old
 
 
 @pytest.mark.usefixtures("files")
