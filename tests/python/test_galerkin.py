@@ -304,6 +304,34 @@ def test_points_of_a_grasp_in_words_are_those_of_a_touch(fingers: Galerkin) -> N
         fingers.grasp(["30 cm", 0.05])
 
 
+@pytest.mark.parametrize(
+    ("push", "is_climbed"),
+    [(((0, 0, -0.02), (0, 0, -0.006)), False), (((0, 0, -0.1), (0, 0, 0.05)), True)],
+    ids=["from rest", "in load steps"],
+)
+def test_a_fresh_search_finds_what_a_hand_that_walks_there_does(
+    bar: vs.Mesh, push: tuple[tuple[float, ...], ...], is_climbed: bool
+) -> None:
+    """Near each other in nearly incompressible tissue: the superposed series is far off, and one search not enough."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.499), fixed="root")
+    touch = organ.reduce("z > 99% and x > 40%", depth="10%", order=3)
+    grasp, pushes = touch.galerkin().grasp([(0.2, 0.05, 0.1), (0.25, 0.05, 0.1)]), np.array(push)
+    assert np.linalg.norm(grasp.superposed(pushes)) > 2.0 * np.linalg.norm(grasp.solve(pushes).displacement)
+    fresh = grasp.solve(pushes)
+    assert fresh.is_converged
+    assert (fresh.iterations > 41) == is_climbed  # as many as one search may take
+    walked = [grasp.solve(share * pushes, from_last=True) for share in np.linspace(0.05, 1.0, 20)][-1]
+    assert walked.is_converged
+    assert fresh.energy == pytest.approx(walked.energy, rel=1e-6)
+    late = grasp.solve(pushes, budget=0.0)  # climbs on from tick to tick
+    assert late.status == "out of time"
+    for _ in range(1000):
+        late = grasp.solve(pushes, budget=1e-3, from_last=True)
+        if late.is_converged:
+            break
+    assert late.energy == pytest.approx(walked.energy, rel=1e-6)
+
+
 def test_a_model_from_a_file_serves_several_touches_too(fingers: Galerkin, touch: vs.Touch, tmp_path: Path) -> None:
     touch.save(tmp_path / "bar.viscera")
     touches = [(LEFT, PUSHES[0]), (RIGHT, PUSHES[1])]

@@ -25,8 +25,9 @@ impl Guess {
 
     /// Coordinates of the model's answer to the displacements; the guess itself if the search fails.
     pub fn answer(&self, subspace: &Subspace, model: &mut ReducedNewton) -> Vec<f64> {
-        model.start_at(&self.d, subspace.guess(&self.d, &mut vec![0.0; self.d.len()]));
-        match model.solve(&self.d, &mut Search::default()) {
+        let mut means = vec![0.0; self.d.len()];
+        let guess = subspace.guess(&self.d, &mut means);
+        match model.find(&self.d, guess, &mut Search::default()) {
             ReducedStatus::Converged => model.q.clone(),
             _ => self.q.clone(),
         }

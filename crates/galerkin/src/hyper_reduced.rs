@@ -161,8 +161,9 @@ impl HyperReducedModel {
 
     /// Equilibrium with the mean of each patch displaced by its `displacements` [m].
     ///
-    /// The search starts from the superposed series, so the answer does not depend on earlier ones; or, with
-    /// `from_last`, from the last solution, for a moving hand. `with_stiffness` costs one more tangent.
+    /// The search starts from the superposed series, or from rest where that has less energy, and goes up in load steps
+    /// where it fails, so the answer does not depend on earlier ones; or, with `from_last`, it starts from the last
+    /// solution, for a moving hand. `with_stiffness` costs one more tangent.
     ///
     /// # Errors
     /// A displacement that is not finite; a number of them other than that of the contacts; training in the background
@@ -199,13 +200,14 @@ impl HyperReducedModel {
         self.now.contacts.check(displacements)?;
         self.improve()?;
         let d = displacements.as_flattened();
-        if !from_last || self.reached == Reached::Nothing {
-            let Trained { solver, contacts, .. } = &mut self.now;
-            solver.start_at(d, contacts.subspace.guess(d, &mut self.means));
-        }
         let limit = budget.map(|budget| (clock, budget));
         let mut search = Search { limit, ..Search::default() };
-        let status = self.now.solver.solve(d, &mut search);
+        let Trained { solver, contacts, .. } = &mut self.now;
+        let status = if from_last && self.reached != Reached::Nothing {
+            solver.solve(d, &mut search)
+        } else {
+            solver.find(d, contacts.subspace.guess(d, &mut self.means), &mut search)
+        };
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
         self.reached = match status {
             ReducedStatus::Converged => Reached::Equilibrium(depth),

@@ -17,6 +17,7 @@ mod factor;
 mod forces;
 mod guesses;
 mod hyper_reduced;
+mod load_steps;
 mod model;
 mod newton;
 mod nnls;

@@ -8,6 +8,7 @@
 use super::broyden::BroydenUpdates;
 use super::factor::ReducedFactor;
 use super::forces::TrainingState;
+use super::load_steps::LoadSteps;
 use super::reduced_energy::Reduced;
 use super::sampled::Sampled;
 use super::starts::Starts;
@@ -63,6 +64,7 @@ pub(super) struct ReducedNewton {
     factor: ReducedFactor,
     updates: BroydenUpdates,
     starts: Starts,
+    pub load_steps: LoadSteps,
     /// Typical norm of the coordinates.
     unit: f64,
     /// Size of a step, relative to the coordinates, at which the search ends.
@@ -94,6 +96,7 @@ impl ReducedNewton {
             factor: ReducedFactor::new(r, n),
             updates: BroydenUpdates::new(r),
             starts: Starts::new(known, &constraints, r),
+            load_steps: LoadSteps::new(n, r),
             sampled,
             constraints,
             unit,
@@ -124,15 +127,17 @@ impl ReducedNewton {
         self.factor.forget();
     }
 
-    /// Starts from the [`Starts`] for `d` that has the lowest energy without inverted cells; if all have such cells,
-    /// from a share of the guess.
+    /// Starts from rest or one of the [`Starts`] for `d`, whichever has the lowest energy without inverted cells; if all
+    /// have such cells, from a share of the guess. To displace contacts near each other differently, the superposed series
+    /// displaces each by a multiple of that, maybe farther than it converges.
     pub fn start_at(&mut self, d: &[f64], mut guess: impl FnMut(f64, &mut [f64])) {
         let (found, mut lowest) = (self.starts.find(d), f64::INFINITY);
         let mut best = std::mem::take(&mut self.origin);
-        for candidate in 0..=found {
+        for candidate in 0..found + 2 {
             match candidate {
                 0 => guess(1.0, &mut self.q),
-                _ => self.starts.put(candidate - 1, &mut self.q),
+                1 => self.q.fill(0.0),
+                _ => self.starts.put(candidate - 2, &mut self.q),
             }
             self.starts.shift(d, &self.constraints, &mut self.q);
             self.evaluate(false);

@@ -18,7 +18,7 @@ from viscera.progress import shown
 from viscera.quantity import Number, Whole, numbers_of, refused
 from viscera.reduced.shape import ReducedShape
 from viscera.sealed import read_only
-from viscera.select import has_words, length, offset, place
+from viscera.select import Lengths, has_words, length, offset, place
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ class Galerkin:
         """For pickle and copy: refused, as its grasps may still be learning."""
         raise VisceraError(NOT_COPIED)
 
-    def grasp(self, points: ArrayLike, *, wait: bool = True) -> HyperReducedModel:
+    def grasp(self, points: Lengths, *, wait: bool = True) -> HyperReducedModel:
         """Take hold at some points (k, 3) [m] of the touchable surface at rest, in numbers or in words.
 
         wait: whether to wait for the snapshots. With `wait=False` the grasp answers at once, by the fields of the
@@ -262,7 +262,7 @@ class Galerkin:
         return f"Galerkin({self.touch!r})"
 
 
-def _points(points: ArrayLike, mesh: Mesh) -> Floats:
+def _points(points: Lengths, mesh: Mesh) -> Floats:
     """Contact points (k, 3) [m] from numbers or words; a single one may stand alone."""
     numbers = numbers_of(points)
     if numbers is None:
@@ -274,7 +274,7 @@ def _points(points: ArrayLike, mesh: Mesh) -> Floats:
     return np.array([place(row, f"contact point {k}") for k, row in enumerate(numbers.reshape(-1, 3))])
 
 
-def _points_in_words(points: ArrayLike, mesh: Mesh) -> Floats:
+def _points_in_words(points: Lengths, mesh: Mesh) -> Floats:
     given = points.tolist() if isinstance(points, np.ndarray) else points
     rows = [given] if _is_a_point(given) else given
     if not isinstance(rows, list | tuple) or not any(has_words(row) for row in rows):

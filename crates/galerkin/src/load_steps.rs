@@ -1,0 +1,66 @@
+//! A search that depends on no earlier one: from the best start, and where that fails up from rest in load steps.
+
+use super::newton::{ReducedNewton, ReducedStatus, Search};
+
+/// Share of the displacements in the first load step.
+const FIRST: f64 = 0.25;
+/// The smallest share; a search that fails with it has no way up.
+const SMALLEST: f64 = 1.0 / 64.0;
+
+/// Room for load steps: the means of one, and the coordinates of the last that was reached.
+#[derive(Clone, Default)]
+pub(super) struct LoadSteps {
+    means: Vec<f64>,
+    reached: Vec<f64>,
+}
+
+impl LoadSteps {
+    /// For so many means and modes.
+    pub fn new(means: usize, modes: usize) -> Self {
+        LoadSteps { means: vec![0.0; means], reached: vec![0.0; modes] }
+    }
+}
+
+impl ReducedNewton {
+    /// Looks for the equilibrium under `A q = d` from the best start, then in load steps.
+    pub fn find(
+        &mut self,
+        d: &[f64],
+        guess: impl FnMut(f64, &mut [f64]),
+        search: &mut Search,
+    ) -> ReducedStatus {
+        self.start_at(d, guess);
+        match self.solve(d, search) {
+            ReducedStatus::StepTooSmall | ReducedStatus::TooManyIterations => self.climb(d, search),
+            ended => ended,
+        }
+    }
+
+    /// Goes from rest to `A q = d` in load steps, which a search that fails halves. After a failure, the coordinates
+    /// are those of the last that was reached.
+    fn climb(&mut self, d: &[f64], search: &mut Search) -> ReducedStatus {
+        let LoadSteps { mut means, mut reached } = std::mem::take(&mut self.load_steps);
+        reached.fill(0.0);
+        let (mut share, mut step) = (0.0, FIRST);
+        let status = loop {
+            self.start(|_, q| q.copy_from_slice(&reached));
+            let next = f64::min(share + step, 1.0);
+            means.iter_mut().zip(d).for_each(|(mean, d)| *mean = next * d);
+            match self.solve(&means, search) {
+                ReducedStatus::Converged if next == 1.0 => break ReducedStatus::Converged,
+                ReducedStatus::Converged => {
+                    reached.copy_from_slice(&self.q);
+                    share = next;
+                }
+                ReducedStatus::OutOfTime => break ReducedStatus::OutOfTime,
+                failed if step <= SMALLEST => {
+                    self.start(|_, q| q.copy_from_slice(&reached));
+                    break failed;
+                }
+                _ => step *= 0.5,
+            }
+        };
+        self.load_steps = LoadSteps { means, reached };
+        status
+    }
+}
