@@ -121,7 +121,7 @@ def damaged(file: bytes) -> dict[str, bytes]:
         "diagonal_tiny": with_metadata(diagonal=5e-324),
         "block_without_checksums.viscera": whole(header, data),
         "checksums_missing": with_metadata(format_version=2),
-        "version_next": with_metadata(format_version=4),
+        "version_next": with_metadata(format_version=5),
     }
 
 

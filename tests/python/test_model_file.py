@@ -66,8 +66,10 @@ def test_the_page_describes_every_array_and_key_of_the_file(reader: ModuleType, 
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
     state, vary = organ.solve(force={"tip": (0, 0, -1.0)}), vs.Vary("young", 1e4, 1e6, part=[0, 1], nodes=2)
     lying = vs.Organ(bar, organ.law, supports=[vs.ElasticSupport("root", stiffness=1e6)])
+    small = vs.Organ(vs.mesh(1e-3 * bar.points, bar.cells, bar.sets), organ.law, fixed="root")
     keys, names = map(set, reader.read(file))
     for touch in (
+        small.reduce("tip", order=5),
         organ.reduce("tip", order=2, start=state),
         organ.reduce("tip", order=3, vary=vary),
         lying.reduce("tip", order=2),
@@ -196,3 +198,33 @@ def test_the_reader_is_as_short_as_the_page_says() -> None:
             modules.add(str(node.module))
     assert modules - set(sys.stdlib_module_names) == {"numpy"}
     assert 80 <= len(lines) < 90
+
+
+@pytest.mark.parametrize("order", [4, 6, 8])
+def test_a_small_organ_answers_as_a_large_one(bar: vs.Mesh, order: int, tmp_path: Path) -> None:
+    """Squares of its fields would leave single precision in metres: their file has a unit of length of its own."""
+    touches, answers = [], []
+    for scale in (1.0, 1e-3):
+        mesh = vs.mesh(scale * bar.points, bar.cells, bar.sets)
+        organ = vs.Organ(mesh, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+        organ.reduce("tip", order=order).save(tmp_path / "organ.viscera")
+        touches.append(vs.load(tmp_path / "organ.viscera"))
+        answers.append(touches[-1](scale * np.array((0.4, 0.05, 0.05)), scale * np.array((0.0, 0.0, -0.03))))
+    large, small = answers
+    assert small.force / 1e-3**2 == pytest.approx(large.force, rel=1e-6)
+    # In the last digits of single precision, in which both are kept.
+    assert small.error_estimate == pytest.approx(large.error_estimate, rel=1e-4)
+    assert small.shape_error_estimate == pytest.approx(large.shape_error_estimate, rel=1e-3)
+    assert [touch.metadata["format_version"] for touch in touches] == [3, 4]
+    assert [touch.metadata.get("norm_length") for touch in touches] == [None, touches[1].radius]
+    assert touches[1].compressed(0.05).metadata["norm_length"] == touches[1].radius
+
+
+def test_fields_beyond_single_precision_are_refused_before_they_are_all_solved(bar: vs.Mesh) -> None:
+    organ = vs.Organ(
+        vs.mesh(1e-6 * bar.points, bar.cells, bar.sets), vs.NeoHookean(young=1e5, poisson=0.3), fixed="root"
+    )
+    said: list[int] = []
+    with pytest.raises(vs.VisceraError, match=r"fields of order 8 under a patch of radius 4.24e-8 m .* a lower order"):
+        organ.reduce("tip", order=8, progress=lambda done, total, stage: said.append(done))
+    assert max(said, default=0) == 0

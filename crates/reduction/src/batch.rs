@@ -55,6 +55,14 @@ pub(super) struct Answered {
 }
 
 impl Solved {
+    /// Whether single precision holds everything that is kept in it.
+    pub(super) fn is_finite(&self) -> bool {
+        let kept = self.answers.iter().flat_map(|own| own.sketches.iter().chain(&own.norms));
+        let modes =
+            self.region.members.iter().flat_map(|own| own.positions.iter().chain(&own.edges));
+        kept.chain(modes).flatten().all(|value| value.is_finite())
+    }
+
     pub(super) fn to_bytes(&self) -> Result<Vec<u8>, Error> {
         postcard::to_stdvec(self)
             .map_err(|error| Error::input(format!("a finished batch could not be kept: {error}")))

@@ -7,14 +7,14 @@ use super::batch::{Batches, Nowhere};
 use super::measure::Measured;
 use super::positions::Positions;
 use super::preload;
-use super::refused::refused;
+use super::refused::unusable;
 use super::settings::{Family, Member, Progress, Reduction};
 use super::solve::{EDGE_ORDER, Expanded};
 use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::mesh::{Surface, diagonal};
-use viscera_touch::{Arrays, Errors, FORMAT_VERSION, Metadata, ReducedModel, UNITS};
+use viscera_touch::{Arrays, Errors, Metadata, ReducedModel, UNITS};
 
 impl Reduction {
     /// Builds the model; `progress` is called from this thread and may return false to stop.
@@ -117,7 +117,7 @@ impl Reduction {
             .flat_map(|s| s.region.members.iter().flat_map(|m| &m.errors))
             .fold(0.0, |worst, &e| f64::max(worst, f64::from(e)));
         let metadata = Metadata {
-            format_version: FORMAT_VERSION,
+            format_version: Metadata::version_for(self.norm_length()),
             package_version: env!("CARGO_PKG_VERSION").to_string(),
             units: UNITS.to_string(),
             law: body.material().name().to_string(),
@@ -133,6 +133,7 @@ impl Reduction {
             interpolation_shares: None,
             truncation_share: None,
             is_pole_aware: self.is_sketched(),
+            norm_length: self.norm_length(),
             seconds: 0.0,
             parameter: family.map(|f| f.parameter.clone()),
             user: self.user.clone(),
@@ -142,7 +143,7 @@ impl Reduction {
             parameter_cells: family.map_or(Vec::new(), |f| f.cells.clone()),
             ..assemble(body, surface, fixed, &members, solved)
         };
-        let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
+        let mut model = ReducedModel::new(metadata, arrays).map_err(unusable)?;
         let mut measured = Measured::new(model.metadata().errors);
         self.measure_interpolation(&members, &mut model, &mut measured, progress)?;
         if let Some(family) = family {
@@ -159,7 +160,7 @@ impl Reduction {
         let (metadata, arrays) = model.into_parts();
         let Measured { errors, interpolation_shares, truncation_share } = measured;
         let metadata = Metadata { errors, interpolation_shares, truncation_share, ..metadata };
-        let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
+        let mut model = ReducedModel::new(metadata, arrays).map_err(unusable)?;
         let departures = self.measure_departure(&members, fixed, &mut model, progress)?;
         let (metadata, mut arrays) = model.into_parts();
         if family.is_some() {
@@ -167,9 +168,9 @@ impl Reduction {
         }
         arrays.answers.departure = departures.into_iter().next().unwrap_or_default();
         let metadata = Metadata { seconds: clock.elapsed().as_secs_f64(), ..metadata };
-        let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
+        let mut model = ReducedModel::new(metadata, arrays).map_err(unusable)?;
         if let Some(family) = family {
-            model.set_parameter(family.parameter.value).map_err(refused)?;
+            model.set_parameter(family.parameter.value).map_err(unusable)?;
         }
         Ok(model)
     }

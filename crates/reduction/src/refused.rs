@@ -9,3 +9,9 @@ pub fn refused(error: viscera_touch::Error) -> Error {
         viscera_touch::Error::ModelFile(sentence) => Error::ModelFile(sentence),
     }
 }
+
+/// The same of a model that was just put together: there is no file that could be damaged.
+pub(super) fn unusable(error: viscera_touch::Error) -> Error {
+    let (viscera_touch::Error::Input(sentence) | viscera_touch::Error::ModelFile(sentence)) = error;
+    Error::input(format!("the reduced model cannot be evaluated: {sentence}"))
+}

@@ -5,6 +5,9 @@ use crate::series::SeriesDevice;
 use std::sync::Arc;
 use viscera_touch::{Notes, Parameter};
 
+/// The largest estimate of a square that is kept in metres; single precision ends at 3e38.
+const LARGEST_IN_METRES: f64 = 1e22;
+
 /// Settings of a reduction.
 #[derive(Clone, Debug)]
 pub struct Reduction {
@@ -31,6 +34,15 @@ pub struct Reduction {
     pub device: Option<Arc<SeriesDevice>>,
     /// Kept in the metadata.
     pub user: Notes,
+}
+
+impl Reduction {
+    /// Unit of length [m] of the norms: metres, unless a square of the highest order P may then leave single precision.
+    /// It is about `radius^(-2 (P - 1))`, and larger where the series converges less far than that.
+    pub(super) fn norm_length(&self) -> f64 {
+        let largest = self.radius.powi(-2 * (self.order as i32 - 1));
+        if largest < LARGEST_IN_METRES { 1.0 } else { self.radius }
+    }
 }
 
 /// The organ and the radius of the contact patch at one value of a parameter.

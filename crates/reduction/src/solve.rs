@@ -129,31 +129,42 @@ impl Reduction {
             edges: edges.iter().map(|s| fields(s, FIRST_ORDER)).collect(),
         });
         let compressed = compress(&exact.collect::<Vec<_>>(), self.tolerance)?;
-        let answers = members.iter().zip(series).map(|(member, (own, of_edges))| {
-            let cross = edges.iter().map(|&e| {
-                let [p, q] = member.positions.edges[e as usize];
-                let first = region.binary_search(&p).unwrap_or(0);
-                cross_compliance(&own[first], &member.positions.patches[q as usize])
-            });
-            Answered {
-                cross_compliance: cross.collect(),
-                forms: Forms::new(&member.positions, region, &edges, &own, &of_edges),
-                sketches: own
-                    .iter()
-                    .map(|s| if self.pade { sketch(s) } else { Vec::new() })
-                    .collect(),
-                norms: own.iter().map(|s| gram_by_degree(s, self.order)).collect(),
-                compliance: own.iter().map(|s| flat(&s.compliance)).collect(),
-                force: own.into_iter().map(|s| s.force).collect(),
-                edge_force: of_edges.into_iter().map(|s| s.force[3..].to_vec()).collect(),
-            }
-        });
-        Ok(Solved {
-            answers: answers.collect(),
-            region: compressed,
-            positions: region.to_vec(),
-            edges,
-        })
+        let answers: Vec<Answered> = members
+            .iter()
+            .zip(series)
+            .map(|(member, (own, of_edges))| {
+                let cross = edges.iter().map(|&e| {
+                    let [p, q] = member.positions.edges[e as usize];
+                    let first = region.binary_search(&p).unwrap_or(0);
+                    cross_compliance(&own[first], &member.positions.patches[q as usize])
+                });
+                Answered {
+                    cross_compliance: cross.collect(),
+                    forms: Forms::new(&member.positions, region, &edges, &own, &of_edges),
+                    sketches: own
+                        .iter()
+                        .map(|s| if self.pade { sketch(s) } else { Vec::new() })
+                        .collect(),
+                    norms: own
+                        .iter()
+                        .map(|s| gram_by_degree(s, self.order, self.norm_length()))
+                        .collect(),
+                    compliance: own.iter().map(|s| flat(&s.compliance)).collect(),
+                    force: own.into_iter().map(|s| s.force).collect(),
+                    edge_force: of_edges.into_iter().map(|s| s.force[3..].to_vec()).collect(),
+                }
+            })
+            .collect();
+        let solved = Solved { answers, region: compressed, positions: region.to_vec(), edges };
+        if solved.is_finite() { Ok(solved) } else { Err(self.beyond_single_precision()) }
+    }
+
+    fn beyond_single_precision(&self) -> Error {
+        Error::input(format!(
+            "the fields of order {} under a patch of radius {:.2e} m leave the range of single precision, in which \
+             a model keeps them; reduce to a lower order",
+            self.order, self.radius
+        ))
     }
 }
 
@@ -226,15 +237,16 @@ fn random(seed: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Inner products of the fields of each degree, degree after degree.
-fn gram_by_degree(series: &TouchSeries, order: usize) -> Vec<f32> {
+/// Inner products of the fields of each degree, degree after degree, with this unit of length [m].
+fn gram_by_degree(series: &TouchSeries, order: usize, length: f64) -> Vec<f32> {
     let table = Monomials::of(3, order);
     let mut gram = Vec::new();
     for degree in 1..=order {
+        let unit = length.powi(2 * (degree as i32 - 1));
         for a in table.of_degree(degree) {
             for b in table.of_degree(degree) {
                 let (u, v) = (&series.displacement[a - 1], &series.displacement[b - 1]);
-                gram.push(u.iter().zip(v).map(|(x, y)| x * y).sum::<f64>() as f32);
+                gram.push((unit * u.iter().zip(v).map(|(x, y)| x * y).sum::<f64>()) as f32);
             }
         }
     }

@@ -38,6 +38,7 @@ fn check_metadata(m: &Metadata) -> Result<(), Error> {
         ("depth", m.depth),
         ("tolerance", m.tolerance),
         ("diagonal", m.diagonal),
+        ("norm_length", m.norm_length),
     ] {
         if !(value.is_finite() && value > 0.0) {
             return Err(Error::model_file(format!("{name} = {value}; it must be positive")));

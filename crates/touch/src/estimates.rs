@@ -320,7 +320,7 @@ impl Interpolation<'_> {
         let squares = model.arrays.answers.norms.len() / model.n_positions();
         for (k, &corner) in self.corners.iter().enumerate() {
             let mut rest = &model.arrays.answers.norms[corner * squares..(corner + 1) * squares];
-            let mut term = 0;
+            let (mut term, mut unit) = (0, 1.0);
             for (order, size) in size.iter_mut().enumerate().take(model.metadata.order) {
                 let n = (order + 2) * (order + 3) / 2;
                 let (gram, after) = rest.split_at(n * n);
@@ -334,7 +334,8 @@ impl Interpolation<'_> {
                         .sum();
                     square += m[i] * row;
                 }
-                *size += self.weights[k] * square.max(0.0).sqrt();
+                *size += self.weights[k] * square.max(0.0).sqrt() / unit;
+                unit *= model.metadata.norm_length;
                 (rest, term) = (after, term + n);
             }
         }

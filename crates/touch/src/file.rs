@@ -4,7 +4,7 @@ use super::arrays::Arrays;
 use super::checksum::Checksums;
 use super::departure::DIRECTIONS;
 use super::forms::N_CUBIC;
-use super::metadata::{FORMAT_VERSION, Metadata};
+use super::metadata::Metadata;
 use super::model::ReducedModel;
 use super::resummation::SKETCH;
 use crate::Error;
@@ -206,7 +206,8 @@ pub fn to_bytes(metadata: &Metadata, arrays: &Arrays) -> Result<Vec<u8>, Error> 
             Ok((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(broken)?))
         })
         .collect::<Result<Vec<_>, Error>>()?;
-    let metadata = Metadata { format_version: FORMAT_VERSION, ..metadata.clone() };
+    let format_version = Metadata::version_for(metadata.norm_length);
+    let metadata = Metadata { format_version, ..metadata.clone() };
     let text = serde_json::to_string(&metadata)
         .map_err(|e| Error::ModelFile(format!("metadata cannot be written: {e}")))?;
     let header = [(METADATA_KEY.to_string(), checksums.sealed(&text))].into_iter().collect();

@@ -3,8 +3,10 @@
 use crate::{Error, Notes};
 use serde::{Deserialize, Serialize};
 
-/// Version of the file format this code writes.
-pub const FORMAT_VERSION: u32 = 3;
+/// Newest version of the file format, of models whose norms have a unit of their own.
+pub const FORMAT_VERSION: u32 = 4;
+/// Version that all other models are written in, for readers from before there was such a unit.
+const FORMAT_OF_METRES: u32 = 3;
 /// The first version, without checksums. All versions from this one on are read.
 pub const UNSEALED_FORMAT: u32 = 1;
 
@@ -55,6 +57,10 @@ pub struct Metadata {
     /// Whether both shares are in units that grow near a pole of the Padé form; not in files from before that was seen.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_pole_aware: bool,
+    /// Unit of length [m] in `norms`: a Gram matrix of degree k is kept times `norm_length^(2 (k - 1))`. In metres it
+    /// would leave single precision in small organs.
+    #[serde(default = "metre", skip_serializing_if = "is_metre")]
+    pub norm_length: f64,
     /// Off-line time [s].
     pub seconds: f64,
     /// The parameter of the model, if it has one.
@@ -70,6 +76,11 @@ impl Metadata {
         self.format_version != UNSEALED_FORMAT
     }
 
+    /// The version of the file format that a model with such norms is written in.
+    pub fn version_for(norm_length: f64) -> u32 {
+        if is_metre(&norm_length) { FORMAT_OF_METRES } else { FORMAT_VERSION }
+    }
+
     /// Refuses a format that this code does not know.
     pub(super) fn check_version(&self) -> Result<(), Error> {
         match self.format_version {
@@ -79,6 +90,15 @@ impl Metadata {
             ))),
         }
     }
+}
+
+/// The unit of norms that files do not name.
+fn metre() -> f64 {
+    1.0
+}
+
+fn is_metre(length: &f64) -> bool {
+    *length == metre()
 }
 
 /// The name of the element with linear cells.

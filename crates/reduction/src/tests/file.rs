@@ -205,10 +205,10 @@ fn a_file_of_the_format_before_is_read_and_written_in_this_one() {
 
 #[test]
 fn another_format_is_refused() {
-    for version in [0, 4] {
+    for version in [0, 5] {
         let metadata = Metadata { format_version: version, ..MODEL.metadata().clone() };
         let error = ReducedModel::new(metadata, MODEL.arrays().clone()).unwrap_err().to_string();
-        let expected = format!("format version {version}; this version reads 1 to 3");
+        let expected = format!("format version {version}; this version reads 1 to 4");
         assert!(error.contains(&expected), "{error}");
     }
 }
@@ -224,6 +224,7 @@ fn metadata_out_of_their_domain_are_named() {
         (changed(|m, _| m.depth = 0.0), "depth = 0"),
         (changed(|m, _| m.depth = f64::NAN), "metadata is damaged"),
         (changed(|m, _| m.radius = -1.0), "radius = -1"),
+        (changed(|m, _| m.norm_length = 0.0), "norm_length = 0"),
     ];
     for (sentence, expected) in cases {
         assert!(sentence.contains(expected), "{sentence:?} does not say {expected:?}");
