@@ -92,7 +92,7 @@ def test_what_a_coarse_range_costs_is_told_for_the_depth_of_the_model(
 
 
 def test_a_model_that_trusts_no_answer_says_so(bar: vs.Mesh, caplog: pytest.LogCaptureFixture) -> None:
-    touch = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 8e4, 1.25e5, nodes=2))
+    touch = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 8e4, 1.25e5, "x > 10%", nodes=2))
     assert 0.01 < touch.metadata["errors"]["parameter"] < 0.05, "at 4.7 % of the diagonal, 1 % is allowed"
     assert "the model trusts none; give Vary more nodes" in caplog.text
     answers = [touch.at(young)(POINT, share * PUSH) for young in (9e4, 1e5) for share in (0.01, 1.0)]
@@ -102,6 +102,23 @@ def test_a_model_that_trusts_no_answer_says_so(bar: vs.Mesh, caplog: pytest.LogC
     for reason in (felt.reason, *(answer.reason for answer in answers)):
         assert reason.startswith("between the values of young that were solved, answers are up to ")
         assert reason.endswith("; give Vary more nodes")
+
+
+def test_forces_are_proportional_to_the_modulus_of_all_that_is_elastic(bar: vs.Mesh) -> None:
+    """Whatever the range and its nodes, since nothing else resists; a support that stays as stiff does."""
+    organ, vary = organ_of(bar, 1e5), vs.Vary("young", 1e4, 1e6, nodes=2)
+    touch, one = organ.reduce(**TOP, vary=vary), organ.reduce(**TOP)
+    assert touch.metadata["errors"]["parameter"] < 1e-6
+    expected = one(POINT, PUSH)
+    assert expected.is_trusted
+    for young in (1e4, 3e5, 1e6):
+        answer = touch.at(young)(POINT, PUSH)
+        assert answer.is_trusted
+        assert answer.force == pytest.approx(young / 1e5 * expected.force, rel=1e-6)
+        assert answer.stiffness == pytest.approx(young / 1e5 * expected.stiffness, rel=1e-6)
+        assert answer.displacement == pytest.approx(expected.displacement, abs=1e-3 * expected.max_displacement)
+    lying = vs.Organ(bar, organ.law, supports=[vs.ElasticSupport("root", stiffness=1e6)], element="P1")
+    assert lying.reduce(**TOP, vary=vary).metadata["errors"]["parameter"] > 0.05
 
 
 def test_the_model_begins_at_the_organs_own_value(touch: vs.Touch, bar: vs.Mesh) -> None:

@@ -2,17 +2,22 @@
 //!
 //! Positions, regions and modes are common; everything else is stored for each node v_j, and with
 //! the Lagrange polynomials L_j over x, the value or its logarithm,
-//!   a(v) = sum_j L_j(x(v)) a_j.
+//!   a(v) = sum_j L_j(x(v)) (v / v_j)^p a_j.
+//! The power p is zero, unless v is Young's modulus of all that is elastic. Forces are proportional to it then: p is 1
+//! for them, -1 for compliances and -2 for energies as cubic forms of forces, so that all are exact at every value.
 //! Only squares of norms, which say how wrong an answer may be, are interpolated with weights in proportion to |L_j| that
 //! sum to 1: weights of both signs may make them negative.
 //! A model is set to a value once; answering a touch does not depend on the parameter.
 
+use super::arrays::Arrays;
 use super::check::check_values;
 use super::metadata::Parameter;
 use super::model::ReducedModel;
 use crate::Error;
 use viscera_mesh::Surface;
 
+/// Young's modulus, to which all stresses of a law are proportional.
+const MODULUS: &str = "young";
 /// The one parameter that does not belong to the law.
 const RADIUS: &str = "radius";
 
@@ -63,6 +68,14 @@ impl Parameter {
     }
 }
 
+impl Arrays {
+    /// Whether forces are proportional to a parameter: to the modulus of all cells, if there is no elastic support.
+    fn is_proportional_to(&self, parameter: &Parameter) -> bool {
+        let is_alone = self.parameter_cells.is_empty() && self.tie_stiffness.is_empty();
+        parameter.name == MODULUS && is_alone
+    }
+}
+
 impl ReducedModel {
     /// Sets the model to a value of its parameter. Allocates. The array `law_parameters` stays as it is, since no law is
     /// known here; whoever makes the full organ from it brings the law to the value in the metadata.
@@ -74,15 +87,21 @@ impl ReducedModel {
             return Err(Error::input("this model has no parameter to set"));
         };
         let weights = parameter.weights(value)?;
+        let with_power = |p: i32| -> Vec<f64> {
+            let p = if self.arrays.is_proportional_to(parameter) { p } else { 0 };
+            let nodes = weights.iter().zip(&parameter.nodes);
+            nodes.map(|(weight, node)| weight * (value / node).powi(p)).collect()
+        };
+        let [stiff, soft, of_forces] = [1, -1, -2].map(with_power);
         let is_radius = !parameter.is_of_law();
         let f = std::mem::take(&mut self.arrays.family);
         let a = &mut self.arrays.answers;
-        blend(&weights, &f.compliance, &mut a.compliance, |x| x);
-        blend(&weights, &f.cross_compliance, &mut a.cross_compliance, |x| x);
-        blend(&weights, &f.force, &mut a.force, |x| x);
-        blend(&weights, &f.edge_force, &mut a.edge_force, |x| x);
-        blend(&weights, &f.edge_energy, &mut a.edge_energy, |x| x);
-        blend(&weights, &f.triangle_energy, &mut a.triangle_energy, |x| x);
+        blend(&soft, &f.compliance, &mut a.compliance, |x| x);
+        blend(&soft, &f.cross_compliance, &mut a.cross_compliance, |x| x);
+        blend(&stiff, &f.force, &mut a.force, |x| x);
+        blend(&stiff, &f.edge_force, &mut a.edge_force, |x| x);
+        blend(&of_forces, &f.edge_energy, &mut a.edge_energy, |x| x);
+        blend(&of_forces, &f.triangle_energy, &mut a.triangle_energy, |x| x);
         blend(&weights, &f.sketch, &mut a.sketch, |x| x as f32);
         blend(&shares(&weights), &f.norms, &mut a.norms, |x| x as f32);
         blend(&weights, &f.position_coefficients, &mut a.position_coefficients, |x| x as f32);
