@@ -7,20 +7,6 @@ const FIRST: f64 = 0.25;
 /// The smallest share; a search that fails with it has no way up.
 const SMALLEST: f64 = 1.0 / 64.0;
 
-/// Room for load steps: the means of one, and the coordinates of the last that was reached.
-#[derive(Clone, Default)]
-pub(super) struct LoadSteps {
-    means: Vec<f64>,
-    reached: Vec<f64>,
-}
-
-impl LoadSteps {
-    /// For so many means and modes.
-    pub fn new(means: usize, modes: usize) -> Self {
-        LoadSteps { means: vec![0.0; means], reached: vec![0.0; modes] }
-    }
-}
-
 impl ReducedNewton {
     /// Looks for the equilibrium under `A q = d` from the best start, then in load steps.
     pub fn find(
@@ -39,7 +25,8 @@ impl ReducedNewton {
     /// Goes from rest to `A q = d` in load steps, which a search that fails halves. After a failure, the coordinates
     /// are those of the last that was reached.
     fn climb(&mut self, d: &[f64], search: &mut Search) -> ReducedStatus {
-        let LoadSteps { mut means, mut reached } = std::mem::take(&mut self.load_steps);
+        let mut means = std::mem::take(&mut self.step_means);
+        let mut reached = std::mem::take(&mut self.reached);
         reached.fill(0.0);
         let (mut share, mut step) = (0.0, FIRST);
         let status = loop {
@@ -60,7 +47,7 @@ impl ReducedNewton {
                 _ => step *= 0.5,
             }
         };
-        self.load_steps = LoadSteps { means, reached };
+        (self.step_means, self.reached) = (means, reached);
         status
     }
 }

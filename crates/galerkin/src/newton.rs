@@ -8,7 +8,6 @@
 use super::broyden::BroydenUpdates;
 use super::factor::ReducedFactor;
 use super::forces::TrainingState;
-use super::load_steps::LoadSteps;
 use super::reduced_energy::Reduced;
 use super::sampled::Sampled;
 use super::starts::Starts;
@@ -64,7 +63,9 @@ pub(super) struct ReducedNewton {
     factor: ReducedFactor,
     updates: BroydenUpdates,
     starts: Starts,
-    pub load_steps: LoadSteps,
+    /// Of a load step: its means, and the coordinates of the last that was reached.
+    pub step_means: Vec<f64>,
+    pub reached: Vec<f64>,
     /// Typical norm of the coordinates.
     unit: f64,
     /// Size of a step, relative to the coordinates, at which the search ends.
@@ -96,7 +97,8 @@ impl ReducedNewton {
             factor: ReducedFactor::new(r, n),
             updates: BroydenUpdates::new(r),
             starts: Starts::new(known, &constraints, r),
-            load_steps: LoadSteps::new(n, r),
+            step_means: vec![0.0; n],
+            reached: vec![0.0; r],
             sampled,
             constraints,
             unit,

@@ -257,7 +257,7 @@ class PlayedStepper:
         return frame.reaction(held.hand) if held else NOBODY
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Held:
     """What a hand of the page holds."""
 
