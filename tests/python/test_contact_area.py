@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.conftest import block
 
 import viscera as vs
 from viscera.mesh import Floats
@@ -13,19 +14,10 @@ CONTACT = np.sqrt(RADIUS * DEPTH)
 
 def organ(element: str, n: int, down: int = 8) -> vs.Organ:
     """A block under linear elasticity, its cells small around the middle of its top."""
-    along = np.linspace(-1.0, 1.0, n + 1)
-    lines = [0.5 * SIDE * np.sign(along) * np.abs(along) ** 1.6] * 2
-    lines.append(SIDE * (1.0 - np.linspace(1.0, 0.0, down + 1) ** 1.8))
-    points = np.array([(x, y, z) for z in lines[2] for y in lines[1] for x in lines[0]])
-    corners = np.arange(len(points)).reshape(down + 1, n + 1, n + 1)
-    start, steps = corners[:-1, :-1, :-1].ravel(), (1, n + 1, (n + 1) ** 2)
-    cells = []
-    for one in range(3):
-        for other in {0, 1, 2} - {one}:
-            path = [start, start + steps[one], start + steps[one] + steps[other], start + sum(steps)]
-            is_even = (other - one) % 3 == 1
-            cells.append(np.stack(path if is_even else [path[0], path[2], path[1], path[3]], axis=1))
-    mesh = vs.mesh(points, np.vstack(cells))
+    points, cells = block((n, n, down), (2.0, 2.0, 1.0))
+    along, below = points[:, :2] - 1.0, 1.0 - points[:, 2:]
+    points = np.hstack([0.5 * SIDE * np.sign(along) * np.abs(along) ** 1.6, SIDE * (1.0 - below**1.8)])
+    mesh = vs.mesh(points, cells)
     return vs.Organ(mesh, vs.Linear(young=YOUNG, poisson=POISSON), fixed="z < 1%", element=element)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.conftest import block
 
 import viscera as vs
 from viscera.mesh import Floats
@@ -14,18 +15,7 @@ AXIS_ALONG_Y = (np.pi / 2, 0, 0)
 @pytest.fixture(scope="module")
 def organ() -> vs.Organ:
     """A plate, 100 x 60 x 30 mm."""
-    lines = [np.linspace(0.0, length, n + 1) for n, length in ((10, 0.1), (4, 0.06), (3, 0.03))]
-    points = np.array([(x, y, z) for z in lines[2] for y in lines[1] for x in lines[0]])
-    corners = np.arange(len(points)).reshape(4, 5, 11)
-    start = corners[:-1, :-1, :-1].ravel()
-    steps = (1, 11, 55)
-    cells = []
-    for one in range(3):
-        for other in {0, 1, 2} - {one}:
-            path = [start, start + steps[one], start + steps[one] + steps[other], start + sum(steps)]
-            is_even = (other - one) % 3 == 1
-            cells.append(np.stack(path if is_even else [path[0], path[2], path[1], path[3]], axis=1))
-    return vs.Organ(vs.mesh(points, np.vstack(cells)), SOFT, fixed="z < 1%")
+    return vs.Organ(vs.mesh(*block((10, 4, 3), (0.1, 0.06, 0.03))), SOFT, fixed="z < 1%")
 
 
 @pytest.fixture(scope="module")
