@@ -46,10 +46,10 @@ fn neighbours(graph: &Graph, nodes: &[u32]) -> Vec<Near> {
     let near = |&node: &u32| {
         let mut near = Near { within: 0, around: vec![0; around.len().div_ceil(64)] };
         for other in graph.neighbours(node) {
-            match (within(other), around.binary_search(&other)) {
-                (Ok(bit), _) => near.within |= 1 << bit,
-                (_, Ok(bit)) => near.around[bit / 64] |= 1 << (bit % 64),
-                _ => unreachable!("every neighbour is within or around"),
+            if let Ok(bit) = within(other) {
+                near.within |= 1 << bit;
+            } else if let Ok(bit) = around.binary_search(&other) {
+                near.around[bit / 64] |= 1 << (bit % 64);
             }
         }
         near

@@ -2,6 +2,7 @@
 
 use crate::graph::{Graph, NONE};
 
+/// Which half a node of a part is in, or that it separates them.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(super) enum Side {
     First,
@@ -9,12 +10,13 @@ pub(super) enum Side {
     Separator,
 }
 
+/// Some nodes of a graph, and who neighbours whom among them.
 pub(super) struct Part {
     /// Of the graph, ascending.
     pub nodes: Vec<u32>,
     /// Rows that each stands for.
     pub rows: Vec<u32>,
-    /// Where each is in the body, once that is known.
+    /// Where each is in the body, by distances in the graph; empty until they are searched.
     pub place: Vec<[i32; 3]>,
     start: Vec<u32>,
     neighbour: Vec<u32>,
