@@ -172,9 +172,11 @@ impl<T: Precision> Cholesky<T> {
         let analysis = &self.analysis;
         let outcome = match &mut self.elimination {
             Elimination::Fronts(fronts) => {
-                let (values, factor) = (&analysis.values, &mut self.factor);
-                self.done = 0;
-                fronts.factorize_part(&mut self.done, f64::INFINITY, values, factor).map(|_| ())
+                let outcome = fronts.factorize(&analysis.values, &mut self.factor);
+                outcome.map_err(|(done, step)| {
+                    self.done = done;
+                    step
+                })
             }
             Elimination::Shared(memory) => factorize_supernodal_numeric_llt(
                 &mut self.factor,

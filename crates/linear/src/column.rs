@@ -6,32 +6,75 @@
 //! So a few right-hand sides take hardly longer than one.
 
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
+use std::ops::Range;
 
 use super::Precision;
 use super::entry::Entry;
 use super::substitution::{Factor, Supernode};
+use super::subtrees::{Subtree, Subtrees};
+use super::tree::shape;
 use viscera_number::simd::{WideKernel, dispatch_wide};
 
 /// Columns of the factor that are read together.
 const WIDTH: usize = 4;
 
+/// Entries of the factor that one thread reads in a piece: in some hundred microseconds, while to wake another takes some
+/// ten.
+const GRAIN: usize = 500_000;
+
 /// Right-hand sides that are solved side by side.
 pub const FEW: usize = 4;
 
-/// Right-hand sides in elimination order, an entry `V` for each row, with room for the rows of one supernode.
+/// Right-hand sides in elimination order, an entry `V` for each row, with room for the rows of one supernode at a time.
 pub struct Column<T, V = T> {
-    values: Vec<V>,
-    own: Vec<V>,
+    subtrees: Subtrees,
+    /// One for each subtree.
+    rooms: Vec<Room<V>>,
     of: std::marker::PhantomData<T>,
+}
+
+/// Where one thread works on a subtree.
+struct Room<V> {
+    /// Its rows, in its own numbers.
+    values: Vec<V>,
+    /// Those of one supernode.
+    own: Vec<V>,
 }
 
 impl<T: Precision, V: Entry<T>> Column<T, V> {
     pub(super) fn new(symbolic: &SymbolicSupernodalCholesky<u32>) -> Self {
-        let columns = |s: usize| symbolic.supernode_end()[s] - symbolic.supernode_begin()[s];
-        let height = |s: usize| columns(s) as usize + symbolic.supernode(s).pattern().len();
-        let tallest = (0..symbolic.n_supernodes()).map(height).max().unwrap_or(0);
-        let (values, own) = (vec![V::default(); symbolic.nrows()], vec![V::default(); tallest]);
-        Self { values, own, of: std::marker::PhantomData }
+        Self::cut(symbolic, Subtrees::new(symbolic, GRAIN))
+    }
+
+    fn cut(symbolic: &SymbolicSupernodalCholesky<u32>, subtrees: Subtrees) -> Self {
+        let height = |s: usize| {
+            let (_, columns, below) = shape(symbolic, s);
+            columns + below
+        };
+        let room = |subtree: &Subtree| Room {
+            values: vec![V::default(); subtree.columns.len() + subtree.below],
+            own: vec![V::default(); subtree.supernodes.clone().map(height).max().unwrap_or(0)],
+        };
+        let rooms = subtrees.all.iter().map(room).collect();
+        Self { subtrees, rooms, of: std::marker::PhantomData }
+    }
+
+    /// Each entry with the row of the caller that it is for.
+    fn entries<'a>(&'a mut self, rows: &'a [u32]) -> impl Iterator<Item = (&'a mut V, usize)> {
+        self.subtrees.all.iter().zip(&mut self.rooms).flat_map(|(subtree, room)| {
+            let rows = &rows[subtree.columns.clone()];
+            room.values.iter_mut().zip(rows).map(|(value, &row)| (value, row as usize))
+        })
+    }
+
+    /// `L⁻ᵀ L⁻¹` times what there is.
+    fn substitute(&mut self, factor: &Factor<'_, T>) {
+        let Self { subtrees, rooms, .. } = self;
+        let solution = Substitution { factor, subtrees };
+        subtrees.each(&subtrees.roots, rooms, &|subtree, rooms| {
+            solution.forward(subtree, rooms);
+            solution.backward(subtree, rooms);
+        });
     }
 }
 
@@ -40,13 +83,9 @@ impl<T: Precision> Column<T> {
     pub(super) fn solve(&mut self, factor: &Factor<'_, T>, rows: &[u32], b: &[f64], x: &mut [f64]) {
         let scale = size_of(rows, b);
         let inverse = scale.recip();
-        for (value, &row) in self.values.iter_mut().zip(rows) {
-            *value = T::round(b[row as usize] * inverse);
-        }
-        dispatch_wide(Substitution { factor, column: self });
-        for (value, &row) in self.values.iter().zip(rows) {
-            x[row as usize] = value.double() * scale;
-        }
+        self.entries(rows).for_each(|(value, row)| *value = T::round(b[row] * inverse));
+        self.substitute(factor);
+        self.entries(rows).for_each(|(value, row)| x[row] = value.double() * scale);
     }
 }
 
@@ -63,18 +102,14 @@ impl<T: Precision> Column<T, [T; FEW]> {
         for (scale, column) in scales.iter_mut().zip(columns.chunks_exact(n)) {
             *scale = size_of(rows, column);
         }
-        self.values.fill([T::default(); FEW]);
+        self.entries(rows).for_each(|(value, _)| *value = Default::default());
         for (k, column) in columns.chunks_exact(n).enumerate() {
             let inverse = scales[k].recip();
-            for (value, &row) in self.values.iter_mut().zip(rows) {
-                value[k] = T::round(column[row as usize] * inverse);
-            }
+            self.entries(rows).for_each(|(value, row)| value[k] = T::round(column[row] * inverse));
         }
-        dispatch_wide(Substitution { factor, column: self });
+        self.substitute(factor);
         for (k, column) in columns.chunks_exact_mut(n).enumerate() {
-            for (value, &row) in self.values.iter().zip(rows) {
-                column[row as usize] = value[k].double() * scales[k];
-            }
+            self.entries(rows).for_each(|(value, row)| column[row] = value[k].double() * scales[k]);
         }
     }
 }
@@ -85,28 +120,110 @@ fn size_of(rows: &[u32], b: &[f64]) -> f64 {
     if largest > 0.0 { largest } else { 1.0 }
 }
 
-struct Substitution<'a, T, V> {
+/// A factor and its subtrees.
+struct Substitution<'a, T> {
     factor: &'a Factor<'a, T>,
-    column: &'a mut Column<T, V>,
+    subtrees: &'a Subtrees,
 }
 
-impl<T: Precision, V: Entry<T>> WideKernel for Substitution<'_, T, V> {
+impl<T: Precision> Substitution<'_, T> {
+    /// `x <- L⁻¹ x` in a subtree: those below it first, side by side, and then its own supernodes with what they leave to
+    /// it. The last room is its own.
+    fn forward<V: Entry<T>>(&self, subtree: &Subtree, rooms: &mut [Room<V>]) {
+        let Some((room, below)) = rooms.split_last_mut() else { return };
+        self.subtrees.each(&subtree.children, below, &|child, rooms| self.forward(child, rooms));
+        room.values[subtree.columns.len()..].fill(V::default());
+        for (child, values) in self.left(subtree, below) {
+            for (&row, share) in child.above.iter().zip(values) {
+                let value = &mut room.values[row as usize];
+                *value = value.plus(*share);
+            }
+        }
+        dispatch_wide(Forward { factor: self.factor, subtree, room });
+    }
+
+    /// `x <- L⁻ᵀ x` in a subtree whose rows below are known.
+    fn backward<V: Entry<T>>(&self, subtree: &Subtree, rooms: &mut [Room<V>]) {
+        let Some((room, below)) = rooms.split_last_mut() else { return };
+        dispatch_wide(Backward { factor: self.factor, subtree, room });
+        for (child, values) in self.left(subtree, below) {
+            for (value, &row) in values.iter_mut().zip(&child.above) {
+                *value = room.values[row as usize];
+            }
+        }
+        self.subtrees.each(&subtree.children, below, &|child, rooms| self.backward(child, rooms));
+    }
+
+    /// The subtrees right below one, with the values of their rows below.
+    fn left<'b, V>(
+        &'b self,
+        subtree: &'b Subtree,
+        rooms: &'b mut [Room<V>],
+    ) -> impl Iterator<Item = (&'b Subtree, &'b mut [V])> {
+        let mut rest = rooms;
+        subtree.children.iter().map(move |&child| {
+            let child = &self.subtrees.all[child];
+            let (its, others) = std::mem::take(&mut rest).split_at_mut(child.size);
+            rest = others;
+            (child, &mut its[child.size - 1].values[child.columns.len()..])
+        })
+    }
+}
+
+/// The supernodes of one subtree, in elimination order.
+struct Forward<'a, T, V> {
+    factor: &'a Factor<'a, T>,
+    subtree: &'a Subtree,
+    room: &'a mut Room<V>,
+}
+
+impl<T: Precision, V: Entry<T>> WideKernel for Forward<'_, T, V> {
     type Output = ();
 
     #[inline(always)]
     fn run<const BITS: usize>(self) {
-        let Column { values, own, .. } = self.column;
-        let n_supernodes = self.factor.symbolic.n_supernodes();
-        for s in 0..n_supernodes {
-            self.factor.supernode(s).forward::<BITS, V>(values, own);
+        let Room { values, own } = self.room;
+        let mut rows = &self.subtree.rows[..];
+        for s in self.subtree.supernodes.clone() {
+            let (below, rest) = rows.split_at(self.factor.supernode(s).rows_below.len());
+            let supernode = self.factor.supernode(s).within(&self.subtree.columns, below);
+            supernode.forward::<BITS, V>(values, own);
+            rows = rest;
         }
-        for s in (0..n_supernodes).rev() {
-            self.factor.supernode(s).backward::<BITS, V>(values, own);
+    }
+}
+
+/// The same, backwards.
+struct Backward<'a, T, V> {
+    factor: &'a Factor<'a, T>,
+    subtree: &'a Subtree,
+    room: &'a mut Room<V>,
+}
+
+impl<T: Precision, V: Entry<T>> WideKernel for Backward<'_, T, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const BITS: usize>(self) {
+        let Room { values, own } = self.room;
+        let mut rows = &self.subtree.rows[..];
+        for s in self.subtree.supernodes.clone().rev() {
+            let n = self.factor.supernode(s).rows_below.len();
+            let (rest, below) = rows.split_at(rows.len() - n);
+            let supernode = self.factor.supernode(s).within(&self.subtree.columns, below);
+            supernode.backward::<BITS, V>(values, own);
+            rows = rest;
         }
     }
 }
 
 impl<'a, T: Precision> Supernode<'a, T> {
+    /// In the numbers of a subtree that has these columns: its rows below are given.
+    #[inline(always)]
+    fn within(self, columns: &Range<usize>, rows_below: &'a [u32]) -> Self {
+        Self { first: self.first - columns.start, rows_below, ..self }
+    }
+
     /// `x <- L⁻¹ x` within this supernode, and its share taken from the rows below.
     #[inline(always)]
     fn forward<const BITS: usize, V: Entry<T>>(&self, values: &mut [V], own: &mut [V]) {
@@ -181,5 +298,53 @@ impl<'a, T: Precision> Supernode<'a, T> {
             }
             x[k] = value.over(l[k][k]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_matrices::{elastic_block, load, relative_difference};
+    use super::super::{Cholesky, Factorization};
+    use super::*;
+
+    /// A factor of some hundred rows in pieces of a few entries, and the solution of a panel beside it.
+    fn in_pieces() -> (Cholesky<f64>, Column<f64>, Vec<f64>, Vec<f64>) {
+        let matrix = elastic_block(9, 8, 7);
+        let mut cholesky = Cholesky::analyze(&matrix.pattern).unwrap();
+        cholesky.factorize(&matrix.values).unwrap();
+        let supernodes = &cholesky.analysis.supernodes;
+        let column = Column::cut(supernodes, Subtrees::new(supernodes, 2_000));
+        assert!(column.rooms.len() > 8);
+        let b = load(matrix.pattern.n, 0);
+        let mut x = b.clone();
+        cholesky.solve(&mut x, 1).unwrap();
+        (cholesky, column, b, x)
+    }
+
+    fn solved(cholesky: &Cholesky<f64>, column: &mut Column<f64>, b: &[f64]) -> Vec<f64> {
+        let mut x = vec![f64::NAN; b.len()];
+        cholesky.solve_column(cholesky.order(), b, &mut x, column).unwrap();
+        x
+    }
+
+    #[test]
+    fn pieces_solve_as_the_whole_does() {
+        let (cholesky, mut column, b, expected) = in_pieces();
+        for _ in 0..2 {
+            assert!(relative_difference(&solved(&cholesky, &mut column, &b), &expected) < 1e-12);
+        }
+        let whole = solved(&cholesky, &mut cholesky.column(), &b);
+        assert!(relative_difference(&whole, &expected) < 1e-12);
+    }
+
+    #[test]
+    fn threads_do_not_change_a_bit() {
+        let (cholesky, mut column, b, _) = in_pieces();
+        let mut on = |n: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+            pool.install(|| solved(&cholesky, &mut column, &b))
+        };
+        let alone = on(1);
+        assert!((2..5).all(|n| on(n) == alone));
     }
 }

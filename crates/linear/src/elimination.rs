@@ -1,4 +1,4 @@
-//! How the values of a factor are computed: front by front on one thread, or by faer on all of them.
+//! How the values of a factor are computed: front by front or, where it is large, by faer.
 
 use faer::dyn_stack::{MemBuffer, StackReq};
 
@@ -8,7 +8,7 @@ use super::{FactorError, Precision};
 
 /// The two ways.
 pub(super) enum Elimination<T> {
-    /// On one thread.
+    /// By subtrees, on all threads.
     Fronts(Fronts<T>),
     /// By faer, on all threads, in this memory.
     Shared(MemBuffer),

@@ -6,7 +6,7 @@ use super::Precision;
 const LANES: usize = 8;
 
 /// An entry of a row, beside a factor in precision `T`.
-pub trait Entry<T>: Copy + Default {
+pub trait Entry<T>: Copy + Default + Send {
     /// `self + other`
     fn plus(self, other: Self) -> Self;
 

@@ -18,6 +18,7 @@ mod front;
 mod fronts;
 mod gmres;
 mod graph;
+mod handover;
 mod ldlt;
 mod multigrid;
 mod neighbours;
@@ -29,9 +30,11 @@ mod shift;
 mod signs;
 mod strip;
 mod substitution;
+mod subtrees;
 #[cfg(test)]
 mod test_matrices;
 pub mod threads;
+mod tree;
 
 pub use viscera_clock as clock;
 

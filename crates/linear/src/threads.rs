@@ -45,6 +45,16 @@ pub fn each<T: Send, R: Send>(tasks: Vec<T>, run: impl Fn(T) -> R + Send + Sync)
     }
 }
 
+/// Runs both, side by side where it is worth waking a thread.
+pub fn both(is_worth_it: bool, one: impl FnOnce() + Send, other: impl FnOnce() + Send) {
+    if is_worth_it && rayon::current_num_threads() > 1 {
+        rayon::join(one, other);
+    } else {
+        one();
+        other();
+    }
+}
+
 /// Runs every part of so many items, with its number. What a part does must not depend on who runs it.
 pub fn for_parts<T: Send>(items: &mut [T], length: usize, run: impl Fn(usize, &mut [T]) + Sync) {
     if share(items.len().div_ceil(length)) {
