@@ -18,7 +18,8 @@ const YOUNG: f64 = 1e4;
 const POISSON: f64 = 0.45;
 const STRETCH: f64 = 0.25;
 
-/// Cubes of six tetrahedra along an edge.
+/// Cubes of six tetrahedra along an edge: of an organ in a simulator, and larger ones.
+const ORGAN: usize = 15;
 const EDGES: [usize; 2] = [22, 37];
 
 /// Numbers of each array of the triad.
@@ -71,6 +72,7 @@ fn keep_least(best: &mut Vec<(String, f64)>, found: &[(String, f64)]) {
 
 fn measure() {
     triad();
+    organ();
     for edge in EDGES {
         let body = cube(edge);
         let (n, cells) = (body.n_dofs(), body.cells().len());
@@ -85,7 +87,7 @@ fn measure() {
             Preconditioner::IncompleteCholesky,
             Preconditioner::Multigrid,
         ] {
-            let seconds = least(1, || solve(&body, preconditioner));
+            let seconds = least(1, || solve(&body, conjugate_gradients(preconditioner)));
             println!("{cells} cells, solution by {} [s] {seconds}", preconditioner.name());
         }
     }
@@ -117,8 +119,48 @@ fn cube(edge: usize) -> Body {
     Body::with_element(Element::P1, points, cells, material).expect("cubes are sound")
 }
 
+/// What a frame asks of a factor, by its precision; and whole solutions.
+fn organ() {
+    let body = cube(ORGAN);
+    let cells = body.cells().len();
+    factor::<f64>(&body, "double");
+    factor::<f32>(&body, "single");
+    let lagged = conjugate_gradients(Preconditioner::LaggedCholesky);
+    for (method, name) in [(Method::Cholesky, "cholesky"), (lagged, "lagged_cholesky")] {
+        let seconds = least(3, || solve(&body, method));
+        println!("{cells} cells, solution by {name} [s] {seconds}");
+    }
+}
+
+/// A factor of the tangent at rest with one side held, and one right-hand side.
+fn factor<T: Precision>(body: &Body, precision: &str) {
+    let free: Vec<u32> =
+        (0..body.n_dofs() as u32).filter(|&dof| body.points()[dof as usize / 3][0] > 0.0).collect();
+    let (pattern, places) = body.blocks().restrict(&free);
+    let tangent = body.tangent(&vec![0.0; body.n_dofs()]);
+    let values: Vec<f64> = places.iter().map(|&place| tangent.values()[place as usize]).collect();
+    let mut cholesky = Cholesky::<T>::with_precision(&pattern).expect("the pattern is sound");
+    let seconds = least(20, || cholesky.factorize(&values).expect("the body is held"));
+    let cells = body.cells().len();
+    println!("{cells} cells, factor in {precision} precision [ms] {}", 1e3 * seconds);
+    let (rows, mut column) = (cholesky.order().to_vec(), cholesky.column());
+    let (b, mut x) = (vec![1.0; rows.len()], vec![0.0; rows.len()]);
+    let seconds = least(50, || {
+        cholesky.solve_column(&rows, &b, &mut x, &mut column).expect("there is a factor");
+    });
+    println!("{cells} cells, substitution in {precision} precision [ms] {}", 1e3 * seconds);
+}
+
+fn conjugate_gradients(preconditioner: Preconditioner) -> Method {
+    Method::ConjugateGradients(ConjugateGradients {
+        preconditioner,
+        max_iterations: 2000,
+        ..ConjugateGradients::default()
+    })
+}
+
 /// Clamped at one side, the opposite one drawn out, in four steps.
-fn solve(body: &Body, preconditioner: Preconditioner) {
+fn solve(body: &Body, method: Method) {
     let side = |x: f64| {
         let at = move |&node: &usize| (body.points()[node][0] - x).abs() < 1e-9;
         (0..body.points().len()).filter(at).map(|node| 3 * node as u32)
@@ -134,17 +176,7 @@ fn solve(body: &Body, preconditioner: Preconditioner) {
         patches: Vec::new(),
         start: None,
     };
-    let settings = ConjugateGradients {
-        preconditioner,
-        max_iterations: 2000,
-        ..ConjugateGradients::default()
-    };
-    let newton = Newton {
-        steps: 4,
-        tolerance: 1e-8,
-        method: Method::ConjugateGradients(settings),
-        ..Newton::default()
-    };
+    let newton = Newton { steps: 4, tolerance: 1e-8, method, ..Newton::default() };
     let solved = newton.solve(&problem, &mut |_| true).expect("the problem is sound");
     assert_eq!(solved.status, Status::Converged);
 }

@@ -155,7 +155,7 @@ impl<T: Precision> Cholesky<T> {
     }
 
     /// The factor, if there is one of so many rows.
-    fn factor_for(&self, rows: &[u32]) -> Result<Factor<'_, T>, FactorError> {
+    pub(super) fn factor_for(&self, rows: &[u32]) -> Result<Factor<'_, T>, FactorError> {
         if !self.is_factorized {
             return Err(FactorError::NotFactorized);
         }

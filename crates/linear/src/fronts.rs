@@ -17,6 +17,7 @@ use super::substitution::zeros;
 use super::subtrees::{Subtree, Subtrees};
 use super::tree::{local, parents, shape};
 use super::{FactorError, Precision};
+use crate::threads::{at_length, may_cut};
 use viscera_number::simd::{WideKernel, dispatch_wide};
 
 /// Entries of the factor that one thread makes in a piece, in a millisecond or more.
@@ -153,9 +154,22 @@ impl<T: Precision> Fronts<T> {
     /// # Errors
     /// The number of fronts that are done, and the first step whose pivot is not positive.
     pub fn factorize(&mut self, matrix: &[T], factor: &mut [T]) -> Result<(), (usize, usize)> {
+        match self.squares.len() {
+            ..2 => self.factorize_in_pieces(matrix, factor, false),
+            _ => at_length(|| self.factorize_in_pieces(matrix, factor, may_cut())),
+        }
+    }
+
+    fn factorize_in_pieces(
+        &mut self,
+        matrix: &[T],
+        factor: &mut [T],
+        is_shared: bool,
+    ) -> Result<(), (usize, usize)> {
         let (tree, mut shares) = self.shares(factor);
-        tree.subtrees.each(&tree.subtrees.roots, &mut shares, &|subtree, shares| {
-            tree.factorize(subtree, matrix, shares);
+        let roots = &tree.subtrees.roots;
+        tree.subtrees.each(roots, &mut shares, is_shared, &|subtree, shares| {
+            tree.factorize(subtree, matrix, shares, is_shared);
         });
         shares.into_iter().try_for_each(|share| share.outcome)
     }
@@ -254,10 +268,11 @@ impl Tree {
         subtree: &Subtree,
         matrix: &[T],
         shares: &mut [Share<'_, T>],
+        is_shared: bool,
     ) {
         let Some((_, below)) = shares.split_last_mut() else { return };
-        self.subtrees.each(&subtree.children, below, &|child, shares| {
-            self.factorize(child, matrix, shares);
+        self.subtrees.each(&subtree.children, below, is_shared, &|child, shares| {
+            self.factorize(child, matrix, shares, is_shared);
         });
         if below.iter().all(|share| share.outcome.is_ok()) {
             let (fronts, signs) = (subtree.supernodes.clone(), &mut Signs::positive());
@@ -387,7 +402,7 @@ mod tests {
         assert!(fronts.factorize_part(&mut done, f64::INFINITY, &values, &mut expected).unwrap());
         for threads in 1..5 {
             let mut factor = vec![f64::NAN; expected.len()];
-            on(threads, || fronts.factorize(&values, &mut factor)).unwrap();
+            on(threads, || fronts.factorize_in_pieces(&values, &mut factor, true)).unwrap();
             assert_eq!(factor, expected, "{threads} threads");
         }
     }
@@ -403,7 +418,8 @@ mod tests {
             let before = factor[..fronts.tree.fronts[done].columns.start].to_vec();
             for threads in 1..5 {
                 let mut factor = vec![f64::NAN; factor.len()];
-                let outcome = on(threads, || fronts.factorize(&values, &mut factor));
+                let outcome =
+                    on(threads, || fronts.factorize_in_pieces(&values, &mut factor, true));
                 assert_eq!(outcome, Err(whole), "shift {shift}, {threads} threads");
                 assert_eq!(factor[..before.len()], before);
                 let least = vec![1e-12; factor.len()];

@@ -6,7 +6,7 @@ use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use std::ops::Range;
 
 use super::tree::{parents, shape};
-use crate::threads;
+use crate::threads::both;
 
 /// Supernodes that one thread works on in a piece, and the subtrees below them. Its rows have numbers of their own: those of
 /// its columns come first, then the rows below.
@@ -117,11 +117,12 @@ impl Subtrees {
     }
 
     /// Runs these subtrees, which follow each other, each with its part of what belongs to it and to those below it: as many
-    /// items as there are subtrees.
+    /// items as there are subtrees. Threads share them if they may.
     pub fn each<T: Send>(
         &self,
         subtrees: &[usize],
         items: &mut [T],
+        is_shared: bool,
         run: &(impl Fn(&Subtree, &mut [T]) + Sync),
     ) {
         match *subtrees {
@@ -134,8 +135,9 @@ impl Subtrees {
                 };
                 let (its, others) = items.split_at_mut(sum(left, |subtree| subtree.size));
                 let least = sum(left, |s| s.entries).min(sum(right, |s| s.entries));
-                let (one, other) = (|| self.each(left, its, run), || self.each(right, others, run));
-                threads::both(2 * least >= self.grain, one, other);
+                let one = || self.each(left, its, is_shared, run);
+                let other = || self.each(right, others, is_shared, run);
+                both(is_shared && 2 * least >= self.grain, one, other);
             }
         }
     }
@@ -180,10 +182,13 @@ mod tests {
         fn visit(subtrees: &Subtrees, subtree: &Subtree, items: &mut [Vec<usize>]) {
             let (own, below) = items.split_last_mut().unwrap();
             own.push(subtree.columns.start);
-            subtrees.each(&subtree.children, below, &|child, items| visit(subtrees, child, items));
+            subtrees.each(&subtree.children, below, true, &|child, items| {
+                visit(subtrees, child, items)
+            });
         }
         let mut items = vec![Vec::new(); subtrees.all.len()];
-        subtrees.each(&subtrees.roots, &mut items, &|root, items| visit(&subtrees, root, items));
+        subtrees
+            .each(&subtrees.roots, &mut items, true, &|root, items| visit(&subtrees, root, items));
         assert!(
             subtrees.all.iter().zip(items).all(|(subtree, item)| item == [subtree.columns.start])
         );

@@ -3,6 +3,7 @@
 use faer::Par;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::cell::Cell;
 use std::sync::OnceLock;
 
 /// Tasks of some tens of microseconds from which threads share a loop.
@@ -21,18 +22,66 @@ pub fn share(tasks: usize) -> bool {
     tasks >= FEWEST && rayon::current_num_threads() > 1
 }
 
-/// Does long work with many loops of so many tasks on a thread of a pool of its own, so that its loops need not wake threads
-/// each time. In the common pool, who waits for a short loop might meanwhile take up all of the long work: a frame would
-/// be late. On a thread of any pool it is done where it is.
-pub fn among_threads<T: Send>(tasks: usize, work: impl FnOnce() -> T + Send) -> T {
+thread_local! {
+    /// Whether this thread of a pool does something whole, not one of many tasks.
+    static IS_WHOLE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Does something whole on a thread of a pool.
+fn whole<T>(work: impl FnOnce() -> T) -> T {
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            IS_WHOLE.set(self.0);
+        }
+    }
+    let _before = Before(IS_WHOLE.replace(true));
+    work()
+}
+
+/// Does work with many short loops on a thread of the common pool, so that its loops need not wake threads each time.
+pub fn at_once<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::join(|| whole(work), || ()).0
+}
+
+/// The same for long work, which has a pool of its own. In the common pool, who waits for a short loop might meanwhile take
+/// up all of the long work: a frame would be late. On a thread of any pool it is done where it is.
+pub fn at_length<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    if !share(tasks) || rayon::current_thread_index().is_some() {
+    if rayon::current_num_threads() < 2 || rayon::current_thread_index().is_some() {
         return work();
     }
     let of_as_many = || ThreadPoolBuilder::new().num_threads(rayon::current_num_threads());
     match POOL.get_or_init(|| of_as_many().build().ok()) {
-        Some(pool) => pool.install(work),
+        Some(pool) => pool.install(|| whole(work)),
         None => work(),
+    }
+}
+
+/// The same for long work with many loops of so many tasks, if threads share them.
+pub fn among_threads<T: Send>(tasks: usize, work: impl FnOnce() -> T + Send) -> T {
+    if share(tasks) { at_length(work) } else { work() }
+}
+
+/// From here on this thread does all alone that it could share: it works beside frames, whose loops would wait for it.
+pub fn work_alone() {
+    // A thread of a pool already, or a system that refuses one: it shares as before.
+    let _ = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+}
+
+/// Whether what begins here may be cut into pieces of some hundred microseconds and more. One of many tasks of a pool may
+/// not: who waits for a piece might meanwhile take up another of them, and hold the memory of both.
+pub fn may_cut() -> bool {
+    rayon::current_num_threads() > 1 && (rayon::current_thread_index().is_none() || IS_WHOLE.get())
+}
+
+/// Runs both, side by side if they are worth waking a thread.
+pub fn both(is_worth_it: bool, one: impl FnOnce() + Send, other: impl FnOnce() + Send) {
+    if is_worth_it {
+        rayon::join(one, other);
+    } else {
+        one();
+        other();
     }
 }
 
@@ -45,21 +94,44 @@ pub fn each<T: Send, R: Send>(tasks: Vec<T>, run: impl Fn(T) -> R + Send + Sync)
     }
 }
 
-/// Runs both, side by side where it is worth waking a thread.
-pub fn both(is_worth_it: bool, one: impl FnOnce() + Send, other: impl FnOnce() + Send) {
-    if is_worth_it && rayon::current_num_threads() > 1 {
-        rayon::join(one, other);
-    } else {
-        one();
-        other();
-    }
-}
-
 /// Runs every part of so many items, with its number. What a part does must not depend on who runs it.
 pub fn for_parts<T: Send>(items: &mut [T], length: usize, run: impl Fn(usize, &mut [T]) + Sync) {
     if share(items.len().div_ceil(length)) {
         items.par_chunks_mut(length).enumerate().for_each(|(number, part)| run(number, part));
     } else {
         items.chunks_mut(length).enumerate().for_each(|(number, part)| run(number, part));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_that_works_alone_shares_nothing() {
+        let alone = std::thread::spawn(|| {
+            work_alone();
+            (rayon::current_num_threads(), may_cut(), share(2 * FEWEST))
+        });
+        assert_eq!(alone.join().unwrap(), (1, false, false));
+    }
+
+    #[test]
+    fn one_of_many_tasks_is_not_cut() {
+        let has_several = rayon::current_num_threads() > 1;
+        for _ in 0..2 {
+            assert_eq!(may_cut(), has_several);
+            assert_eq!(at_length(may_cut), has_several);
+            assert_eq!(at_length(|| at_length(may_cut)), has_several);
+            assert_eq!(at_once(may_cut), has_several);
+            assert!(!rayon::scope(|_| may_cut()), "whole work is forgotten when it is done");
+            assert!(!rayon::scope(|_| at_length(may_cut)));
+        }
+    }
+
+    #[test]
+    fn work_that_fails_was_whole_all_the_same() {
+        let outcome = std::panic::catch_unwind(|| at_once(|| panic!("of no use")));
+        assert!(outcome.is_err() && (0..8).all(|_| !rayon::scope(|_| may_cut())));
     }
 }

@@ -42,6 +42,7 @@ use crate::contact::Contact;
 use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
+use crate::threads::at_once;
 pub use barrier::VOLUME_BOUNDS;
 use barrier::VolumeBarrier;
 use extrapolation::Extrapolation;
@@ -340,8 +341,7 @@ impl Stepper {
         if !body.is_shared() {
             return self.frame_here(body, input, is_wanted);
         }
-        // Into the thread pool once for the frame, not once for every loop over cells.
-        rayon::join(|| self.frame_here(body, input, is_wanted), || ()).0
+        at_once(|| self.frame_here(body, input, is_wanted))
     }
 
     fn frame_here(

@@ -2,6 +2,7 @@
 
 use super::{FactorPattern, Goal, LaggedFactor};
 use crate::linear::FactorError;
+use crate::threads::work_alone;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -213,6 +214,7 @@ impl Worker {
         let (orders, incoming) = channel::<Order>();
         let (outgoing, done) = channel();
         let thread = std::thread::spawn(move || {
+            work_alone();
             for order in incoming {
                 if outgoing.send(order.carry_out()).is_err() {
                     break;
