@@ -11,6 +11,7 @@ use viscera_core::equilibrium::{
     ConjugateGradients, Method, Newton, Preconditioner, Pressure, Problem, Status,
 };
 use viscera_core::law::Material;
+use viscera_core::linear::{Cholesky, Factorization, Precision};
 use viscera_core::mesh::samples::block;
 
 const SIDE: f64 = 0.1;
@@ -136,8 +137,9 @@ fn organ() {
 fn factor<T: Precision>(body: &Body, precision: &str) {
     let free: Vec<u32> =
         (0..body.n_dofs() as u32).filter(|&dof| body.points()[dof as usize / 3][0] > 0.0).collect();
-    let (pattern, places) = body.blocks().restrict(&free);
-    let tangent = body.tangent(&vec![0.0; body.n_dofs()]);
+    let (pattern, places) = body.pattern().restrict(&free);
+    let (rest, mut tangent) = (vec![0.0; body.n_dofs()], body.zero_tangent());
+    body.internal_force_and_tangent(&rest, &mut rest.clone(), &mut tangent);
     let values: Vec<f64> = places.iter().map(|&place| tangent.values()[place as usize]).collect();
     let mut cholesky = Cholesky::<T>::with_precision(&pattern).expect("the pattern is sound");
     let seconds = least(20, || cholesky.factorize(&values).expect("the body is held"));
