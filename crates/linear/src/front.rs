@@ -5,6 +5,8 @@
 use super::Precision;
 use super::signs::Signs;
 use super::strip::{Known, Strip};
+use crate::threads::for_each_part;
+use viscera_number::simd::{WideKernel, dispatch_wide};
 
 /// Most columns that are eliminated one after the other, without tiles.
 const NARROW: usize = 4;
@@ -13,6 +15,12 @@ const NARROW: usize = 4;
 const fn widest(bits: usize) -> usize {
     if bits >= 512 { 8 } else { 4 }
 }
+
+/// Columns of which those before them take their shares at once, in strips that threads may share.
+const BLOCK: usize = 64;
+
+/// Multiplications that are worth waking a thread: some hundred microseconds.
+const WORTH: usize = 4_000_000;
 
 /// Replaces the first columns `A` of a symmetric matrix, `height` rows each, by those of `L`, `L S Lᵀ = A` with the
 /// `signs` S of the pivots, for vectors of `BITS` bits. Nothing above the diagonal is read; what is left there means
@@ -25,14 +33,36 @@ pub(super) fn eliminate<const BITS: usize, T: Precision>(
     columns: &mut [T],
     height: usize,
     signs: &mut Signs<'_, T>,
+    is_shared: bool,
 ) -> Result<(), usize> {
-    let pivots = columns.len() / height;
-    for first in (0..pivots).step_by(widest(BITS)) {
+    for first in (0..columns.len() / height).step_by(BLOCK) {
         let (known, rest) = columns.split_at_mut(first * height);
-        let strip = &mut rest[..widest(BITS).min(pivots - first) * height];
+        let n = rest.len().min(BLOCK * height);
+        let block = &mut rest[..n];
+        let known = Known { columns: known, height, row: first };
+        let strips = Strips { known: &known, signs, stride: height, is_new: false, is_shared };
+        strips.subtract::<BITS>(block);
+        eliminate_block::<BITS, T>(block, height, first, signs)?;
+    }
+    Ok(())
+}
+
+/// The first of these columns has its diagonal in row `start`, and nothing left to subtract but each other.
+#[inline(always)]
+fn eliminate_block<const BITS: usize, T: Precision>(
+    block: &mut [T],
+    height: usize,
+    start: usize,
+    signs: &mut Signs<'_, T>,
+) -> Result<(), usize> {
+    let pivots = block.len() / height;
+    for nth in (0..pivots).step_by(widest(BITS)) {
+        let (known, rest) = block.split_at_mut(nth * height);
+        let strip = &mut rest[..widest(BITS).min(pivots - nth) * height];
+        let first = start + nth;
         let known = Known { columns: known, height, row: first };
         subtract::<BITS, T>(&known, strip, height, false);
-        add_twice(&known, signs.negative_from(0), strip, height);
+        add_twice(&known, signs.negative_from(start), strip, height);
         let (narrow, others) = strip.split_at_mut(strip.len().min(NARROW * height));
         eliminate_narrow::<BITS, T>(narrow, height, first, signs)?;
         let (before, first) = (first, first + NARROW);
@@ -79,14 +109,64 @@ pub(super) fn leave<const BITS: usize, T: Precision>(
     height: usize,
     signs: &Signs<'_, T>,
     left: &mut [T],
+    is_shared: bool,
 ) {
-    let pivots = columns.len() / height;
-    let below = height - pivots;
-    for first in (0..below).step_by(widest(BITS)) {
-        let strip = &mut left[first * below..(first + widest(BITS)).min(below) * below];
-        let known = Known { columns, height, row: pivots + first };
-        subtract::<BITS, T>(&known, strip, below, true);
-        add_twice(&known, signs.negative_from(0), strip, below);
+    let row = columns.len() / height;
+    let known = Known { columns, height, row };
+    let strips = Strips { known: &known, signs, stride: height - row, is_new: true, is_shared };
+    strips.subtract::<BITS>(left);
+}
+
+/// What known columns of a front take from others, strip by strip.
+struct Strips<'a, 'b, T> {
+    /// Seen from the diagonal of the first strip on.
+    known: &'a Known<'a, T>,
+    signs: &'a Signs<'b, T>,
+    /// From a column to the next.
+    stride: usize,
+    /// Whether nothing is in the strips yet.
+    is_new: bool,
+    is_shared: bool,
+}
+
+impl<T: Precision> Strips<'_, '_, T> {
+    #[inline(always)]
+    fn subtract<const BITS: usize>(&self, columns: &mut [T]) {
+        let strip = widest(BITS) * self.stride.max(1);
+        if self.is_shared && self.known.columns.len() * columns.len() > WORTH * self.stride {
+            for_each_part(columns, strip, |nth, strip| {
+                dispatch_wide(OneStrip { of: self, nth, strip })
+            });
+        } else {
+            columns
+                .chunks_mut(strip)
+                .enumerate()
+                .for_each(|(nth, strip)| self.one::<BITS>(nth, strip));
+        }
+    }
+
+    #[inline(always)]
+    fn one<const BITS: usize>(&self, nth: usize, strip: &mut [T]) {
+        let Known { columns, height, row } = *self.known;
+        let known = Known { columns, height, row: row + nth * widest(BITS) };
+        subtract::<BITS, T>(&known, strip, self.stride, self.is_new);
+        add_twice(&known, self.signs.negative_from(0), strip, self.stride);
+    }
+}
+
+/// One of them, in the hands of a thread.
+struct OneStrip<'a, 'b, 'c, T> {
+    of: &'a Strips<'b, 'c, T>,
+    nth: usize,
+    strip: &'a mut [T],
+}
+
+impl<T: Precision> WideKernel for OneStrip<'_, '_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const BITS: usize>(self) {
+        self.of.one::<BITS>(self.nth, self.strip);
     }
 }
 
@@ -215,8 +295,8 @@ mod tests {
             None => Signs::positive(),
         };
         signs.begin(100);
-        eliminate::<BITS, T>(&mut l, height, &mut signs).unwrap();
-        leave::<BITS, T>(&l, height, &signs, &mut left);
+        eliminate::<BITS, T>(&mut l, height, &mut signs, false).unwrap();
+        leave::<BITS, T>(&l, height, &signs, &mut left, false);
         let l = |i: usize, k: usize| if i < k { 0.0 } else { l[k * height + i].double() };
         let sign = |k: usize| if signs.is_negative(k) { -1.0 } else { 1.0 };
         let mut worst = 0.0f64;
@@ -251,7 +331,7 @@ mod tests {
     #[test]
     fn the_factor_reproduces_the_matrix() {
         let few = (1..19).flat_map(|pivots| (0..37).map(move |below| (pivots, below)));
-        for (pivots, below) in few.chain([(30, 70), (47, 5), (26, 131)]) {
+        for (pivots, below) in few.chain([(30, 70), (47, 5), (26, 131), (137, 21)]) {
             for negative in [None, Some(7), Some(2)] {
                 let place = format!("{pivots} {below} {negative:?}");
                 let [double, single] = [1e-12, 1e-3].map(|least| {
@@ -280,16 +360,60 @@ mod tests {
     }
 
     #[test]
+    fn threads_share_strips_and_change_no_bit() {
+        let (pivots, height) = (200, 330);
+        let entry = |place: usize| {
+            let (i, k) = (place % height, place / height);
+            ((7 * i + 3 * k) % 11) as f64 / 11.0 + if i == k { height as f64 } else { 0.0 }
+        };
+        let made = |is_shared: bool| {
+            let mut l: Vec<f64> = (0..pivots * height).map(entry).collect();
+            let mut left = vec![f64::NAN; (height - pivots).pow(2)];
+            dispatch_wide(Whole { l: &mut l, left: &mut left, height, is_shared });
+            let lower = |k: usize, rows: usize| k * rows + k.min(rows)..(k + 1) * rows;
+            let l = (0..pivots).flat_map(|k| l[lower(k, height)].to_vec());
+            l.chain((0..height - pivots).flat_map(|k| left[lower(k, height - pivots)].to_vec()))
+                .collect::<Vec<_>>()
+        };
+        assert!(pivots * height * (height - pivots) > WORTH);
+        let alone = made(false);
+        for threads in 1..5 {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert_eq!(pool.install(|| made(true)), alone);
+        }
+    }
+
+    struct Whole<'a> {
+        l: &'a mut [f64],
+        left: &'a mut [f64],
+        height: usize,
+        is_shared: bool,
+    }
+
+    impl WideKernel for Whole<'_> {
+        type Output = ();
+
+        #[inline(always)]
+        fn run<const BITS: usize>(self) {
+            let Whole { l, left, height, is_shared } = self;
+            let mut signs = Signs::positive();
+            eliminate::<BITS, f64>(l, height, &mut signs, is_shared).unwrap();
+            leave::<BITS, f64>(l, height, &signs, left, is_shared);
+        }
+    }
+
+    #[test]
     fn names_the_pivot_that_is_not_positive() {
         for bad in 0..7 {
             let mut columns: Vec<f64> = (0..70).map(|k| f64::from(u8::from(k % 11 == 0))).collect();
             for value in [0.0, -1.0, f64::NAN] {
                 columns[11 * bad] = value;
                 let mut signs = Signs::positive();
-                let refused = eliminate::<128, f64>(&mut columns.clone(), 10, &mut signs);
+                let refused = eliminate::<128, f64>(&mut columns.clone(), 10, &mut signs, false);
                 assert_eq!(refused, Err(bad));
                 if has(512) {
-                    let refused = eliminate::<512, f64>(&mut columns.clone(), 10, &mut signs);
+                    let refused =
+                        eliminate::<512, f64>(&mut columns.clone(), 10, &mut signs, false);
                     assert_eq!(refused, Err(bad));
                 }
             }

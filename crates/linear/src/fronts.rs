@@ -229,7 +229,8 @@ impl<T: Precision> Fronts<T> {
             }
             *done = fronts.end;
             let (shares, signs) = (&mut shares[..=subtree.number], &mut *signs);
-            let part = Elimination { tree, subtree, fronts, matrix, shares, signs };
+            let part =
+                Elimination { tree, subtree, fronts, matrix, shares, signs, is_shared: false };
             if let Err((front, step)) = dispatch_wide(part) {
                 *done = front;
                 return Err(step);
@@ -276,7 +277,8 @@ impl Tree {
         });
         if below.iter().all(|share| share.outcome.is_ok()) {
             let (fronts, signs) = (subtree.supernodes.clone(), &mut Signs::positive());
-            let whole = Elimination { tree: self, subtree, fronts, matrix, shares, signs };
+            let whole =
+                Elimination { tree: self, subtree, fronts, matrix, shares, signs, is_shared };
             let outcome = dispatch_wide(whole);
             if let Some(own) = shares.last_mut() {
                 own.outcome = outcome;
@@ -294,6 +296,7 @@ impl Tree {
         columns: &mut [T],
         (own, others): (&mut [T], impl Fn(usize) -> &'b [T] + Copy),
         signs: &mut Signs<'_, T>,
+        is_shared: bool,
     ) -> Result<(), usize> {
         let front = &self.fronts[s];
         let Front { pivots, below, square, .. } = *front;
@@ -312,9 +315,9 @@ impl Tree {
             let (Front { below, runs, to_pivots, .. }, left) = left_by(child);
             take_over(left, *below, (runs, *to_pivots), columns, (height, 0));
         }
-        eliminate::<BITS, T>(columns, height, signs)?;
+        eliminate::<BITS, T>(columns, height, signs, is_shared)?;
         let own = &mut own[square..square + below * below];
-        leave::<BITS, T>(columns, height, signs, own);
+        leave::<BITS, T>(columns, height, signs, own, is_shared);
         for &child in children {
             let (child, left) = left_by(child);
             let runs = &child.runs[child.to_pivots..];
@@ -333,6 +336,8 @@ struct Elimination<'a, 'b, 's, T> {
     /// Those of the subtrees below it, and at last its own.
     shares: &'a mut [Share<'b, T>],
     signs: &'a mut Signs<'s, T>,
+    /// Whether threads share wide fronts.
+    is_shared: bool,
 }
 
 impl<T: Precision> WideKernel for Elimination<'_, '_, '_, T> {
@@ -341,7 +346,7 @@ impl<T: Precision> WideKernel for Elimination<'_, '_, '_, T> {
 
     #[inline(always)]
     fn run<const BITS: usize>(self) -> Self::Output {
-        let Elimination { tree, subtree, fronts, matrix, shares, signs } = self;
+        let Elimination { tree, subtree, fronts, matrix, shares, signs, is_shared } = self;
         let before = subtree.number + 1 - shares.len();
         let start = tree.fronts[subtree.supernodes.start].columns.start;
         let all = shares.last_mut().map(|own| std::mem::take(&mut own.columns)).unwrap_or_default();
@@ -352,7 +357,8 @@ impl<T: Precision> WideKernel for Elimination<'_, '_, '_, T> {
             let mut stack = std::mem::take(&mut shares[room - before].squares.0[own]);
             let of = |room: usize| &shares[room - before].squares.0[other][..];
             let columns = &mut all[columns.start - start..columns.end - start];
-            let front = tree.front::<BITS, T>(s, matrix, columns, (&mut stack, of), signs);
+            let front =
+                tree.front::<BITS, T>(s, matrix, columns, (&mut stack, of), signs, is_shared);
             shares[room - before].squares.0[own] = stack;
             front.map_err(|pivot| (s, first + pivot))?;
         }

@@ -97,10 +97,19 @@ pub fn each<T: Send, R: Send>(tasks: Vec<T>, run: impl Fn(T) -> R + Send + Sync)
 /// Runs every part of so many items, with its number. What a part does must not depend on who runs it.
 pub fn for_parts<T: Send>(items: &mut [T], length: usize, run: impl Fn(usize, &mut [T]) + Sync) {
     if share(items.len().div_ceil(length)) {
-        items.par_chunks_mut(length).enumerate().for_each(|(number, part)| run(number, part));
+        for_each_part(items, length, run);
     } else {
         items.chunks_mut(length).enumerate().for_each(|(number, part)| run(number, part));
     }
+}
+
+/// The same for few parts that take long.
+pub fn for_each_part<T: Send>(
+    items: &mut [T],
+    length: usize,
+    run: impl Fn(usize, &mut [T]) + Sync,
+) {
+    items.par_chunks_mut(length).enumerate().for_each(|(number, part)| run(number, part));
 }
 
 #[cfg(test)]
