@@ -20,9 +20,9 @@ use crate::threads::all_threads;
 /// Right-hand sides solved together; the time for each falls steeply up to 32 and hardly beyond 64.
 const PANEL: usize = 64;
 
-/// Entries of a large factor, for which threads share the dense kernels: on two cores that takes a quarter off the
-/// time for 2e7 entries and adds to it for 4e6.
-const LARGE_FROM: usize = 10_000_000;
+/// Entries of a large factor, which faer makes: fronts take two thirds of the time, and as much memory again for what they
+/// leave to each other as for the factor.
+const LARGE_FROM: usize = 30_000_000;
 
 /// Symbolic factorisation of a pattern, with buffers for the permuted values.
 pub(super) struct Analysis<T> {

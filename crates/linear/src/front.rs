@@ -19,6 +19,10 @@ const fn widest(bits: usize) -> usize {
 /// Columns of which those before them take their shares at once, in strips that threads may share.
 const BLOCK: usize = 64;
 
+/// Bytes of known columns that stay in the cache while a part passes by, and the fewest such columns.
+const CACHED: usize = 1 << 17;
+const FEWEST: usize = 16;
+
 /// Multiplications that are worth waking a thread: some hundred microseconds.
 const WORTH: usize = 4_000_000;
 
@@ -132,41 +136,56 @@ struct Strips<'a, 'b, T> {
 impl<T: Precision> Strips<'_, '_, T> {
     #[inline(always)]
     fn subtract<const BITS: usize>(&self, columns: &mut [T]) {
-        let strip = widest(BITS) * self.stride.max(1);
+        let part = self.part::<BITS>() * self.stride.max(1);
         if self.is_shared && self.known.columns.len() * columns.len() > WORTH * self.stride {
-            for_each_part(columns, strip, |nth, strip| {
-                dispatch_wide(OneStrip { of: self, nth, strip })
+            for_each_part(columns, part, |nth, part| {
+                dispatch_wide(OnePart { of: self, nth, part })
             });
         } else {
             columns
-                .chunks_mut(strip)
+                .chunks_mut(part)
                 .enumerate()
-                .for_each(|(nth, strip)| self.one::<BITS>(nth, strip));
+                .for_each(|(nth, part)| self.one::<BITS>(nth, part));
         }
     }
 
+    /// Columns of a part: those of a strip, which threads share, or as many as they go through the cache with.
     #[inline(always)]
-    fn one<const BITS: usize>(&self, nth: usize, strip: &mut [T]) {
+    fn part<const BITS: usize>(&self) -> usize {
+        if self.is_shared && !self.is_new { 2 * widest(BITS) } else { BLOCK }
+    }
+
+    /// A part, strip by strip, for as many known columns at a time as the cache keeps.
+    #[inline(always)]
+    fn one<const BITS: usize>(&self, nth: usize, part: &mut [T]) {
         let Known { columns, height, row } = *self.known;
-        let known = Known { columns, height, row: row + nth * widest(BITS) };
-        subtract::<BITS, T>(&known, strip, self.stride, self.is_new);
-        add_twice(&known, self.signs.negative_from(0), strip, self.stride);
+        let first = row + nth * self.part::<BITS>();
+        let some = (CACHED / (height * size_of::<T>())).max(FEWEST) * height;
+        for (number, columns) in columns.chunks(some).enumerate() {
+            let is_new = self.is_new && number == 0;
+            for (nth, strip) in part.chunks_mut(widest(BITS) * self.stride).enumerate() {
+                let known = Known { columns, height, row: first + nth * widest(BITS) };
+                subtract::<BITS, T>(&known, strip, self.stride, is_new);
+            }
+        }
+        let known = Known { columns, height, row: first };
+        add_twice(&known, self.signs.negative_from(0), part, self.stride);
     }
 }
 
 /// One of them, in the hands of a thread.
-struct OneStrip<'a, 'b, 'c, T> {
+struct OnePart<'a, 'b, 'c, T> {
     of: &'a Strips<'b, 'c, T>,
     nth: usize,
-    strip: &'a mut [T],
+    part: &'a mut [T],
 }
 
-impl<T: Precision> WideKernel for OneStrip<'_, '_, '_, T> {
+impl<T: Precision> WideKernel for OnePart<'_, '_, '_, T> {
     type Output = ();
 
     #[inline(always)]
     fn run<const BITS: usize>(self) {
-        self.of.one::<BITS>(self.nth, self.strip);
+        self.of.one::<BITS>(self.nth, self.part);
     }
 }
 

@@ -3,8 +3,8 @@
 //! are eliminated and the rest is left to its parent.
 //!
 //! For the factors of single organs this is quicker than faer's supernodes, which fetch from each descendant on its own
-//! what a front is handed once. Threads share subtrees. Large factors are left to faer, whose dense kernels mind the caches
-//! and share the work among threads.
+//! what a front is handed once. Threads share subtrees, and the columns of wide fronts. Large factors are left to faer, which
+//! needs less memory.
 
 use faer::sparse::SymbolicSparseColMat;
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
@@ -23,7 +23,7 @@ use viscera_number::simd::{WideKernel, dispatch_wide};
 /// Entries of the factor that one thread makes in a piece, in a millisecond or more.
 const GRAIN: usize = 250_000;
 
-/// Pieces of a factor, about. More would be of little use, since the topmost front is a third of the work, and take more
+/// Pieces of a factor, about. More would be of little use, since threads share the wide fronts above them, and take more
 /// memory: those that may be made at once need twice the squares of one after the other.
 const PIECES: usize = 4;
 
