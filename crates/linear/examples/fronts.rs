@@ -129,6 +129,8 @@ impl Faer {
 }
 
 fn main() {
+    // Its time is that of one thread.
+    viscera_linear::threads::work_alone();
     println!(
         "numeric factorisation [ms], the least of {RUNS} runs in turns; entries of the factor in millions"
     );
