@@ -14,17 +14,30 @@ pub fn all_threads() -> Par {
     #[cfg(target_family = "wasm")]
     return Par::Seq;
     #[cfg(not(target_family = "wasm"))]
-    Par::rayon(0)
+    if IS_ALONE.get() { Par::Seq } else { Par::rayon(0) }
 }
 
 /// Whether threads share a loop of so many tasks.
 pub fn share(tasks: usize) -> bool {
-    tasks >= FEWEST && rayon::current_num_threads() > 1
+    tasks >= FEWEST && n_threads() > 1
 }
 
 thread_local! {
     /// Whether this thread of a pool does something whole, not one of many tasks.
     static IS_WHOLE: Cell<bool> = const { Cell::new(false) };
+
+    /// Whether this thread shares nothing with others.
+    static IS_ALONE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// From here on this thread does all alone that it could share: it works beside frames, whose loops would wait for it.
+pub fn work_alone() {
+    IS_ALONE.set(true);
+}
+
+/// Threads that may share what this one begins, itself included.
+fn n_threads() -> usize {
+    if IS_ALONE.get() { 1 } else { rayon::current_num_threads() }
 }
 
 /// Does something whole on a thread of a pool.
@@ -48,7 +61,7 @@ pub fn at_once<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// up all of the long work: a frame would be late. On a thread of any pool it is done where it is.
 pub fn at_length<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    if rayon::current_num_threads() < 2 || rayon::current_thread_index().is_some() {
+    if n_threads() < 2 || rayon::current_thread_index().is_some() {
         return work();
     }
     let of_as_many = || ThreadPoolBuilder::new().num_threads(rayon::current_num_threads());
@@ -63,16 +76,10 @@ pub fn among_threads<T: Send>(tasks: usize, work: impl FnOnce() -> T + Send) -> 
     if share(tasks) { at_length(work) } else { work() }
 }
 
-/// From here on this thread does all alone that it could share: it works beside frames, whose loops would wait for it.
-pub fn work_alone() {
-    // A thread of a pool already, or a system that refuses one: it shares as before.
-    let _ = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
-}
-
 /// Whether what begins here may be cut into pieces of some hundred microseconds and more. One of many tasks of a pool may
 /// not: who waits for a piece might meanwhile take up another of them, and hold the memory of both.
 pub fn may_cut() -> bool {
-    rayon::current_num_threads() > 1 && (rayon::current_thread_index().is_none() || IS_WHOLE.get())
+    n_threads() > 1 && (rayon::current_thread_index().is_none() || IS_WHOLE.get())
 }
 
 /// Runs both, side by side if they are worth waking a thread.
@@ -87,7 +94,7 @@ pub fn both(is_worth_it: bool, one: impl FnOnce() + Send, other: impl FnOnce() +
 
 /// What each task gives, in their order. There are several only where it is worth waking a thread.
 pub fn each<T: Send, R: Send>(tasks: Vec<T>, run: impl Fn(T) -> R + Send + Sync) -> Vec<R> {
-    if tasks.len() > 1 && rayon::current_num_threads() > 1 {
+    if tasks.len() > 1 && n_threads() > 1 {
         tasks.into_par_iter().map(run).collect()
     } else {
         tasks.into_iter().map(run).collect()
@@ -120,9 +127,9 @@ mod tests {
     fn a_thread_that_works_alone_shares_nothing() {
         let alone = std::thread::spawn(|| {
             work_alone();
-            (rayon::current_num_threads(), may_cut(), share(2 * FEWEST))
+            (n_threads(), may_cut(), share(2 * FEWEST), at_length(rayon::current_thread_index))
         });
-        assert_eq!(alone.join().unwrap(), (1, false, false));
+        assert_eq!(alone.join().unwrap(), (1, false, false, None));
     }
 
     #[test]
