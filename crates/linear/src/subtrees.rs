@@ -62,16 +62,11 @@ impl Subtrees {
         // A supernode is the top of a piece if what is above it is too large for one.
         let is_top = |s: usize| parents[s].is_none_or(|parent| sums[parent] > grain);
         let mut cut = Self { all: Vec::new(), roots: Vec::new(), grain };
-        let mut number = vec![0; n]; // of the subtree whose top it is
-        let mut waiting: Vec<Vec<usize>> = vec![Vec::new(); n];
+        let mut below: Vec<Vec<usize>> = vec![Vec::new(); n]; // the subtrees right below a supernode
         for s in (0..n).filter(|&s| is_top(s)) {
-            let children = std::mem::take(&mut waiting[s]);
+            let children = std::mem::take(&mut below[s]);
             let supernodes = if sums[s] > grain { s..s + 1 } else { first[s]..s + 1 };
-            number[s] = cut.all.len();
-            match parents[s] {
-                Some(parent) => waiting[parent].push(number[s]),
-                None => cut.roots.push(number[s]),
-            }
+            parents[s].map_or(&mut cut.roots, |parent| &mut below[parent]).push(cut.all.len());
             cut.push(symbolic, supernodes, children, sums[s]);
         }
         cut
