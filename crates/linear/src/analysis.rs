@@ -20,9 +20,9 @@ use crate::threads::all_threads;
 /// Right-hand sides solved together; the time for each falls steeply up to 32 and hardly beyond 64.
 const PANEL: usize = 64;
 
-/// Entries of a large factor, which faer makes: fronts take two thirds of the time, and as much memory again for what they
-/// leave to each other as for the factor.
-const LARGE_FROM: usize = 30_000_000;
+/// Bytes of a large factor, which faer makes: fronts take two thirds of the time, and as much memory again for what they leave
+/// to each other as for the factor.
+const LARGE_FROM: usize = 120_000_000;
 
 /// Symbolic factorisation of a pattern, with buffers for the permuted values.
 pub(super) struct Analysis<T> {
@@ -46,7 +46,7 @@ impl<T: Precision> Analysis<T> {
         let order = ordering::elimination_order(pattern)?;
         let (lower, target) = permuted_lower(pattern, &ordering::inverse(&order));
         let supernodes = supernodes_of(&lower)?;
-        let is_large = supernodes.len_val() >= LARGE_FROM;
+        let is_large = supernodes.len_val() * size_of::<T>() >= LARGE_FROM;
         let parallelism = if is_large { all_threads() } else { Par::Seq };
         let values = zeros(pattern.len())?;
         Ok(Self { order, supernodes, is_large, parallelism, lower, values, target })

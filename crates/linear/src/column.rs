@@ -20,7 +20,7 @@ use viscera_number::simd::{WideKernel, dispatch_wide};
 const WIDTH: usize = 4;
 
 /// Entries of the factor that one thread reads in a piece: in some hundred microseconds, while to wake another takes some
-/// ten.
+/// ten. There are as many pieces for one thread, so that sums are the same.
 const GRAIN: usize = 500_000;
 
 /// Right-hand sides that are solved side by side.

@@ -17,7 +17,7 @@ use super::substitution::zeros;
 use super::subtrees::{Subtree, Subtrees};
 use super::tree::{local, parents, shape};
 use super::{FactorError, Precision};
-use crate::threads::{at_length, may_cut};
+use crate::threads::{at_length, may_cut, n_threads};
 use viscera_number::simd::{WideKernel, dispatch_wide};
 
 /// Entries of the factor that one thread makes in a piece, in a millisecond or more.
@@ -79,7 +79,9 @@ impl<T: Precision> Fronts<T> {
         symbolic: &SymbolicSupernodalCholesky<u32>,
         lower: &SymbolicSparseColMat<u32>,
     ) -> Result<Self, FactorError> {
-        let grain = (symbolic.len_val() / PIECES).max(GRAIN);
+        // The factor is the same, however it is cut; one thread takes least memory for it in one piece.
+        let pieces = if n_threads() > 1 { PIECES } else { 1 };
+        let grain = (symbolic.len_val() / pieces).max(GRAIN);
         Self::cut(symbolic, lower, Subtrees::new(symbolic, grain))
     }
 
@@ -386,14 +388,18 @@ mod tests {
     use super::super::test_matrices::{Matrix, elastic_block};
     use super::*;
 
-    /// Fronts in pieces of a few entries, for the values of a matrix in elimination order, and room for its factor.
+    /// Fronts in pieces of a few entries, the values of a matrix in elimination order, and room for its factor.
     fn in_pieces(matrix: &Matrix) -> (Fronts<f64>, Vec<f64>, Vec<f64>) {
+        let made = cut(matrix, 2_000);
+        assert!(made.0.squares.len() > 8);
+        made
+    }
+
+    fn cut(matrix: &Matrix, grain: usize) -> (Fronts<f64>, Vec<f64>, Vec<f64>) {
         let mut analysis = Analysis::new(&matrix.pattern).unwrap();
         analysis.load(&matrix.values).unwrap();
         let Analysis { supernodes, lower, values, .. } = analysis;
-        let subtrees = Subtrees::new(&supernodes, 2_000);
-        let fronts = Fronts::cut(&supernodes, &lower, subtrees).unwrap();
-        assert!(fronts.tree.subtrees.all.len() > 8);
+        let fronts = Fronts::cut(&supernodes, &lower, Subtrees::new(&supernodes, grain)).unwrap();
         (fronts, values, vec![0.0; supernodes.len_val()])
     }
 
@@ -402,10 +408,15 @@ mod tests {
     }
 
     #[test]
-    fn threads_make_the_factor_of_one_bit_for_bit() {
-        let (mut fronts, values, mut expected) = in_pieces(&elastic_block(9, 8, 7));
+    fn pieces_and_threads_make_the_factor_of_one_bit_for_bit() {
+        let matrix = elastic_block(9, 8, 7);
+        let (mut whole, values, mut expected) = cut(&matrix, usize::MAX);
+        assert_eq!(whole.squares.len(), 1);
+        whole.factorize(&values, &mut expected).unwrap();
+        let (mut fronts, _, mut factor) = in_pieces(&matrix);
         let mut done = 0;
-        assert!(fronts.factorize_part(&mut done, f64::INFINITY, &values, &mut expected).unwrap());
+        assert!(fronts.factorize_part(&mut done, f64::INFINITY, &values, &mut factor).unwrap());
+        assert_eq!(factor, expected, "one after the other");
         for threads in 1..5 {
             let mut factor = vec![f64::NAN; expected.len()];
             on(threads, || fronts.factorize_in_pieces(&values, &mut factor, true)).unwrap();

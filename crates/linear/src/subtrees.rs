@@ -1,6 +1,5 @@
 //! The elimination tree in subtrees that threads share: what is below one reaches the rest of the factor only through the
-//! rows below its topmost supernode. How it is cut depends on the factor alone, so that sums are the same on any number
-//! of threads.
+//! rows below its topmost supernode.
 
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use std::ops::Range;

@@ -36,7 +36,7 @@ pub fn work_alone() {
 }
 
 /// Threads that may share what this one begins, itself included.
-fn n_threads() -> usize {
+pub fn n_threads() -> usize {
     if IS_ALONE.get() { 1 } else { rayon::current_num_threads() }
 }
 
