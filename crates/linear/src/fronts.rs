@@ -17,7 +17,7 @@ use super::substitution::zeros;
 use super::subtrees::{Subtree, Subtrees};
 use super::tree::{local, parents, shape};
 use super::{FactorError, Precision};
-use crate::threads::{at_length, may_cut, n_threads};
+use crate::threads::{in_pool_for_long_work, may_cut, n_threads};
 use viscera_number::simd::{WideKernel, dispatch_wide};
 
 /// Entries of the factor that one thread makes in a piece, in a millisecond or more.
@@ -158,7 +158,7 @@ impl<T: Precision> Fronts<T> {
     pub fn factorize(&mut self, matrix: &[T], factor: &mut [T]) -> Result<(), (usize, usize)> {
         match self.squares.len() {
             ..2 => self.factorize_in_pieces(matrix, factor, false),
-            _ => at_length(|| self.factorize_in_pieces(matrix, factor, may_cut())),
+            _ => in_pool_for_long_work(|| self.factorize_in_pieces(matrix, factor, may_cut())),
         }
     }
 

@@ -1,4 +1,5 @@
-//! Which loops threads share: below some tasks, waking another thread takes longer than the work it takes over.
+//! Which loops threads share, and in which pool: below some tasks, waking another thread takes longer than the work it takes
+//! over; and a frame must not wait for a whole solution.
 
 use faer::Par;
 use rayon::prelude::*;
@@ -23,7 +24,7 @@ pub fn share(tasks: usize) -> bool {
 }
 
 thread_local! {
-    /// Whether this thread of a pool does something whole, not one of many tasks.
+    /// Whether this thread of a pool does a whole frame or solution, not one of many tasks.
     static IS_WHOLE: Cell<bool> = const { Cell::new(false) };
 
     /// Whether this thread shares nothing with others.
@@ -40,7 +41,7 @@ pub fn n_threads() -> usize {
     if IS_ALONE.get() { 1 } else { rayon::current_num_threads() }
 }
 
-/// Does something whole on a thread of a pool.
+/// Does a whole frame or solution on a thread of a pool.
 fn whole<T>(work: impl FnOnce() -> T) -> T {
     struct Before(bool);
     impl Drop for Before {
@@ -53,13 +54,13 @@ fn whole<T>(work: impl FnOnce() -> T) -> T {
 }
 
 /// Does work with many short loops on a thread of the common pool, so that its loops need not wake threads each time.
-pub fn at_once<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+pub fn in_common_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::join(|| whole(work), || ()).0
 }
 
 /// The same for long work, which has a pool of its own. In the common pool, who waits for a short loop might meanwhile take
 /// up all of the long work: a frame would be late. On a thread of any pool it is done where it is.
-pub fn at_length<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+pub fn in_pool_for_long_work<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
     if n_threads() < 2 || rayon::current_thread_index().is_some() {
         return work();
@@ -73,11 +74,12 @@ pub fn at_length<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 
 /// The same for long work with many loops of so many tasks, if threads share them.
 pub fn among_threads<T: Send>(tasks: usize, work: impl FnOnce() -> T + Send) -> T {
-    if share(tasks) { at_length(work) } else { work() }
+    if share(tasks) { in_pool_for_long_work(work) } else { work() }
 }
 
-/// Whether what begins here may be cut into pieces of some hundred microseconds and more. One of many tasks of a pool may
-/// not: who waits for a piece might meanwhile take up another of them, and hold the memory of both.
+/// Whether the work that this thread begins may be cut into pieces for several threads, of some hundred microseconds and more.
+/// One of many tasks of a pool may not: a thread that waits for a piece might meanwhile take up another task, and hold the
+/// memory of both.
 pub fn may_cut() -> bool {
     n_threads() > 1 && (rayon::current_thread_index().is_none() || IS_WHOLE.get())
 }
@@ -127,7 +129,12 @@ mod tests {
     fn a_thread_that_works_alone_shares_nothing() {
         let alone = std::thread::spawn(|| {
             work_alone();
-            (n_threads(), may_cut(), share(2 * FEWEST), at_length(rayon::current_thread_index))
+            (
+                n_threads(),
+                may_cut(),
+                share(2 * FEWEST),
+                in_pool_for_long_work(rayon::current_thread_index),
+            )
         });
         assert_eq!(alone.join().unwrap(), (1, false, false, None));
     }
@@ -137,17 +144,17 @@ mod tests {
         let has_several = rayon::current_num_threads() > 1;
         for _ in 0..2 {
             assert_eq!(may_cut(), has_several);
-            assert_eq!(at_length(may_cut), has_several);
-            assert_eq!(at_length(|| at_length(may_cut)), has_several);
-            assert_eq!(at_once(may_cut), has_several);
+            assert_eq!(in_pool_for_long_work(may_cut), has_several);
+            assert_eq!(in_pool_for_long_work(|| in_pool_for_long_work(may_cut)), has_several);
+            assert_eq!(in_common_pool(may_cut), has_several);
             assert!(!rayon::scope(|_| may_cut()), "whole work is forgotten when it is done");
-            assert!(!rayon::scope(|_| at_length(may_cut)));
+            assert!(!rayon::scope(|_| in_pool_for_long_work(may_cut)));
         }
     }
 
     #[test]
     fn work_that_fails_was_whole_all_the_same() {
-        let outcome = std::panic::catch_unwind(|| at_once(|| panic!("of no use")));
+        let outcome = std::panic::catch_unwind(|| in_common_pool(|| panic!("of no use")));
         assert!(outcome.is_err() && (0..8).all(|_| !rayon::scope(|_| may_cut())));
     }
 }

@@ -42,7 +42,7 @@ use crate::contact::Contact;
 use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
-use crate::threads::at_once;
+use crate::threads::in_common_pool;
 pub use barrier::VOLUME_BOUNDS;
 use barrier::VolumeBarrier;
 use extrapolation::Extrapolation;
@@ -341,7 +341,7 @@ impl Stepper {
         if !body.is_shared() {
             return self.frame_here(body, input, is_wanted);
         }
-        at_once(|| self.frame_here(body, input, is_wanted))
+        in_common_pool(|| self.frame_here(body, input, is_wanted))
     }
 
     fn frame_here(
