@@ -6,6 +6,7 @@ import gzip
 import os
 import re
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,50 @@ def test_a_header_may_name_a_file_for_each_slice(tmp_path: Path, name: str, name
     text = named.format("\n".join(slices), here=tmp_path) if "{" in named else named
     rewrite(tmp_path / name, "(data file: |ElementDataFile = ).*\n", rf"\g<1>{text}" + "\n")
     assert np.array_equal(vs.scan(tmp_path / name).values, LABELS)
+
+
+@pytest.mark.parametrize("said", ["", "CompressedDataSize = 0\n"])
+@pytest.mark.parametrize("name", ["labels.mha", "labels.mhd"])
+def test_a_metaimage_need_not_say_how_long_its_compressed_voxels_are(tmp_path: Path, name: str, said: str) -> None:
+    write(tmp_path / name)
+    rewrite(tmp_path / name, "CompressedDataSize = .*\n", said)
+    assert np.array_equal(vs.scan(tmp_path / name).values, LABELS)
+
+
+def test_the_bytes_of_compressed_voxels_may_be_in_either_order(tmp_path: Path) -> None:
+    path, values = tmp_path / "labels.mha", 300 * LABELS.astype(np.uint16)
+    sitk.WriteImage(sitk.GetImageFromArray(values.transpose(2, 1, 0)), str(path), useCompression=True)
+    start = path.read_bytes().index(b"LOCAL\n") + 6
+    path.write_bytes(path.read_bytes()[:start] + zlib.compress(values.astype(">u2").tobytes(order="F")))
+    rewrite(path, "MSB = False", "MSB = True")
+    rewrite(path, "CompressedDataSize = .*\n", "")
+    assert np.array_equal(vs.scan(path).values, values)
+
+
+def test_what_metaio_does_not_unpack_is_refused(tmp_path: Path) -> None:
+    path, data = tmp_path / "labels.mhd", LABELS.tobytes(order="F")
+    write(path).write_bytes(gzip.compress(data[:500]) + gzip.compress(data[500:]))
+    rewrite(path, "CompressedDataSize = .*\n", "")
+    with pytest.raises(vs.VisceraError, match=r"mhd: its compressed voxels \(labels\.zraw\) are stored in a way"):
+        vs.scan(path)
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_a_file_for_each_slice_may_be_compressed_and_damaged(tmp_path: Path, name: str) -> None:
+    write(tmp_path / name)
+    files = [tmp_path / f"s{k}.gz" for k in range(10)]
+    for k, file in enumerate(files):
+        file.write_bytes(gzip.compress(LABELS[:, :, k].tobytes(order="F")))
+    rewrite(tmp_path / name, "CompressedDataSize = .*\n", "")
+    rewrite(tmp_path / name, "(data file: |ElementDataFile = ).*\n", "\\g<1>s%d.gz 0 9 1\n")
+    assert np.array_equal(vs.scan(tmp_path / name).values, LABELS)
+    whole = files[4].read_bytes()
+    files[4].write_bytes(whole[:-8] + bytes([whole[-8] ^ 8]) + whole[-7:])
+    with pytest.raises(vs.VisceraError, match=rf"{name}: s4\.gz is damaged.*copy it anew"):
+        vs.scan(tmp_path / name)
+    files[4].write_bytes(gzip.compress(b"\0" * 100))
+    with pytest.raises(vs.VisceraError, match=rf"{name}: .* 1320 bytes .*s0\.gz, \.\.\., s9\.gz holds 1288: it"):
+        vs.scan(tmp_path / name)
 
 
 def test_voxels_may_be_compressed_in_parts(tmp_path: Path) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 import locale
 import math
+import tempfile
+import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -14,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from viscera.errors import VisceraError
-from viscera.scans import nifti
+from viscera.scans import metaspace, nifti
 from viscera.scans.room import in_memory
 from viscera.scans.stored import voxels_of
 
@@ -38,12 +40,37 @@ def read_by_itk(path: Path, ending: str) -> Any:
     for more of them than fit into memory; `RuntimeError` as SimpleITK does.
     """
     library = sitk()
-    stored = voxels_of(path, ending)
-    with _decimal_points():
-        shape, size = _declared(path)
-        stored.require(size)
+    stored, is_metaimage = voxels_of(path, ending), ending in (".mha", ".mhd")
+    is_unsized = is_metaimage and stored.encoding == "zlib" and stored.files == [path] and stored.length is None
+    with _decimal_points(), _with_size(path) if is_unsized else nullcontext(path) as source:
+        shape, size = _declared(source)
+        checksum = stored.require(size)
         with in_memory(shape, size):
-            return library.ReadImage(str(path))
+            image = library.ReadImage(str(source))
+    if is_metaimage and checksum is not None and not _has_checksum(image, checksum):
+        raise VisceraError(
+            f"its compressed voxels ({', '.join(file.name for file in stored.files[:3])}) are stored in a way that is "
+            "not read; save it anew, without compression or as .nrrd"
+        )
+    return image
+
+
+@contextmanager
+def _with_size(path: Path) -> Iterator[Path]:
+    """A copy of a MetaImage that says how many bytes its compressed voxels take."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder, "image.mha")
+        metaspace.write_with_size(path, copy)
+        yield copy
+
+
+def _has_checksum(image: Any, checksum: int) -> bool:
+    """Whether the voxels of an image have a CRC-32 in either order of their bytes.
+
+    MetaIO leaves in place what was in memory where it cannot unpack voxels, and says so on the terminal alone.
+    """
+    voxels = np.ascontiguousarray(sitk().GetArrayViewFromImage(image))
+    return checksum in (zlib.crc32(voxels.data), zlib.crc32(voxels.byteswap().data))
 
 
 def _declared(path: Path) -> tuple[tuple[int, ...], int]:

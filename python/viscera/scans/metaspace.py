@@ -7,6 +7,7 @@ MetaIO (itk.org/Wiki/ITK/MetaIO/Documentation). Later names of a field are what 
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 from viscera.errors import VisceraError
@@ -22,6 +23,8 @@ DATA = "ElementDataFile"
 """The last field of a header, after which the voxels may follow."""
 SIZES = ("NDims", "DimSize")
 """Fields that say how many numbers others have."""
+COMPRESSED = "CompressedDataSize"
+"""Bytes of the compressed voxels, without which MetaIO takes the header for a part of them."""
 UNIT = "DistanceUnits"
 UNSAID = ("", "?")
 """Units that say nothing: millimetres."""
@@ -62,3 +65,14 @@ def header(path: Path) -> tuple[dict[str, str], int]:
             if name == DATA:
                 break
         return fields, file.tell()
+
+
+def write_with_size(path: Path, copy: Path) -> None:
+    """Copies a file whose voxels are compressed and follow its header, which then says how many bytes they take."""
+    _, start = header(path)
+    with path.open("rb") as file, copy.open("wb") as written:
+        *lines, data = file.read(start).splitlines(keepends=True)
+        kept = [line for line in lines if not re.match(rb"\s*%b\s*[=:]" % COMPRESSED.encode(), line)]
+        size = f"{COMPRESSED} = {path.stat().st_size - start}\n"
+        written.writelines([*kept, size.encode(), data])
+        shutil.copyfileobj(file, written)

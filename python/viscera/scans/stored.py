@@ -1,7 +1,8 @@
 """The voxels that a header of NRRD or MetaImage names: in which files, and whether these hold all of them unharmed.
 
 ITK reads whatever path a header names, a pipe or a device too; MetaIO writes the sizes of more than ten dimensions
-beyond its arrays. Neither says a word where compressed voxels were changed.
+beyond its arrays. Neither says a word where compressed voxels were changed, and MetaIO none where it cannot
+unpack them.
 """
 
 from __future__ import annotations
@@ -45,35 +46,47 @@ class Stored:
     encoding: str = "raw"
     """`raw`, `zlib`, or another that is not compared."""
 
-    def require(self, size: int) -> None:
-        """Raises `VisceraError` unless the file holds voxels of `size` bytes, unharmed if it has a checksum."""
-        if len(self.files) > 1 or self.encoding not in ("raw", "zlib"):
-            return
-        (path,) = self.files
-        held = path.stat().st_size - self.start if self.encoding == "raw" else self._inflated(path)
-        if held < size + self.skipped:
-            raise VisceraError(
-                f"its header declares {size} bytes of voxels, and {path.name} holds {held}: it is cut short or "
-                "damaged; copy it anew"
-            )
+    def require(self, size: int) -> int | None:
+        """The CRC-32 of the first `size` bytes that compressed files hold; None for voxels as they are.
 
-    def _inflated(self, path: Path) -> int:
-        """Bytes that the compressed stream of a file holds."""
-        stream, count = zlib.decompressobj(EITHER), 0
+        Raises `VisceraError` unless the files hold so many bytes of voxels, unharmed if they have a checksum.
+        """
+        checksum = None
+        if self.encoding == "zlib":
+            held, checksum = 0, 0
+            for path in self.files:
+                held, checksum = self._inflated(path, size, held, checksum)
+        elif self.encoding == "raw" and len(self.files) == 1:
+            held = self.files[0].stat().st_size - self.start
+        else:
+            return None
+        if held < size + self.skipped * len(self.files):
+            name = self.files[0].name if len(self.files) == 1 else f"{self.files[0].name}, ..., {self.files[-1].name}"
+            raise VisceraError(
+                f"its header declares {size} bytes of voxels, and {name} holds {held}: it is cut short or damaged; "
+                "copy it anew"
+            )
+        return checksum
+
+    def _inflated(self, path: Path, size: int, count: int, checksum: int) -> tuple[int, int]:
+        """Bytes after those of the compressed stream of a file, and the CRC-32 of the first `size` of them."""
+        stream = zlib.decompressobj(EITHER)
         try:
             for chunk in self._chunks(path):
                 pending = chunk
                 while pending:
                     if stream.eof:  # gzip may go on in another part, as tools that compress in parallel write it
                         if not pending.startswith(GZIP):
-                            return count
+                            return count, checksum
                         stream = zlib.decompressobj(EITHER)
-                    count += len(stream.decompress(pending, CHUNK))
+                    block = stream.decompress(pending, CHUNK)
+                    checksum = zlib.crc32(block[: max(size - count, 0)], checksum)
+                    count += len(block)
                     pending = stream.unused_data if stream.eof else stream.unconsumed_tail
         except zlib.error as error:
             raise VisceraError(f"{path.name} is damaged, so its voxels may be wrong ({error}); copy it anew") from error
         if stream.eof:
-            return count
+            return count, checksum
         raise VisceraError(f"{path.name} is cut short: its compressed voxels have no end; copy it anew")
 
     def _chunks(self, path: Path) -> Iterator[bytes]:
@@ -108,7 +121,7 @@ def _of_metaimage(path: Path, header: Mapping[str, str], start: int) -> Stored:
     is_compressed = header.get("CompressedData", "").lower().startswith(("t", "1"))
     is_text = header.get("BinaryData", "True").lower().startswith(("f", "0"))
     encoding = "text" if is_text else "zlib" if is_compressed else "raw"
-    length = _count(header, "CompressedDataSize") or None
+    length = _count(header, metaspace.COMPRESSED) or None
     if name.upper() == "LOCAL":
         return Stored([path], start, length=length, encoding=encoding)
     return Stored(_named(path, name, start), length=length, encoding=encoding)
