@@ -134,3 +134,32 @@ def test_loads_and_settings_of_a_case_are_written_as_they_are_read(cube: vs.Mesh
             read.to_case(tmp_path / "again.toml", loads=case.loading(), settings={"steps": 3})
         with pytest.raises(vs.VisceraError, match=r"'settings' is .* in loads=, and 'newton' is .* in settings="):
             read.to_case(tmp_path / "again.toml", loads=case.loading(), settings={"newton": {"max_iterations": 41}})
+
+
+def test_through_a_link_law_and_mesh_go_to_one_place(bar: vs.Mesh, tmp_path: Path) -> None:
+    """What else reads the file finds the mesh that was written with it, and so does who reads through the link."""
+    shared, mine = tmp_path / "shared", tmp_path / "mine"
+    for folder in (shared, mine):
+        folder.mkdir()
+    vs.Organ(vs.organs.beam(), SOFT, fixed="clamp").to_case(shared / "organ.toml")
+    (mine / "link.toml").symlink_to(Path("..", "shared", "organ.toml"))
+    organ = vs.Organ(bar, vs.NeoHookean(young=2e5, poisson=0.3), fixed="root")
+    written = organ.to_case(mine / "link.toml")
+    for case in (written, vs.case(mine / "link.toml"), vs.case(shared / "organ.toml")):
+        assert is_same(organ, case.organ())
+    vs.Scene({"bar": organ}).to_case(mine / "link.toml")
+    for place in (mine / "link.toml", shared / "organ.toml"):
+        assert vs.case(place).organ().mesh.points.shape == bar.points.shape
+    assert [path.name for path in mine.iterdir()] == ["link.toml"]
+    assert sorted(path.name for path in shared.iterdir()) == ["organ.toml", "organ_bar_mesh.vtu", "organ_mesh.vtu"]
+
+
+def test_a_folder_of_links_into_a_store_is_read(bar: vs.Mesh, tmp_path: Path) -> None:
+    """As git-annex and the like make it: the mesh is beside the link of the case, not beside the file itself."""
+    organ = vs.Organ(bar, SOFT, fixed="root")
+    for number, name in enumerate(("organ.toml", "organ_mesh.vtu")):
+        (tmp_path / "store" / str(number)).mkdir(parents=True)
+        organ.to_case(tmp_path / "organ.toml")
+        kept = (tmp_path / name).rename(tmp_path / "store" / str(number) / name)
+        (tmp_path / name).symlink_to(kept)
+    assert is_same(organ, vs.case(tmp_path / "organ.toml").organ())

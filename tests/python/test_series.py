@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -52,6 +53,20 @@ def test_quadratic_states_and_recorded_touches_too(bar: vs.Mesh, organ: vs.Organ
     vs.write_series(tmp_path / "touch.pvd", record)
     last = meshio.read(tmp_path / "touch_0002.vtu").point_data["displacement"]
     assert last == pytest.approx(record[-1][1].displacement)
+
+
+def test_through_a_link_the_moments_lie_beside_the_file_that_lists_them(organ: vs.Organ, tmp_path: Path) -> None:
+    shared, mine = tmp_path / "shared", tmp_path / "mine"
+    for folder in (shared, mine):
+        folder.mkdir()
+    first, second = (organ.moved(np.full_like(organ.mesh.points, size)) for size in (1e-3, 2e-3))
+    vs.write_series(shared / "s.pvd", [(0.0, first)])
+    (mine / "link.pvd").symlink_to(Path("..", "shared", "s.pvd"))
+    written = vs.write_series(mine / "link.pvd", [(0.0, second)])
+    ((_, path),) = listed(shared / "s.pvd")
+    assert meshio.read(path).point_data["displacement"] == pytest.approx(second.displacement)
+    assert [os.path.samefile(*pair) for pair in zip(written, [shared / "s.pvd", path], strict=True)] == [True, True]
+    assert [each.name for each in mine.iterdir()] == ["link.pvd"]
 
 
 def test_a_path_is_a_series_over_the_load(organ: vs.Organ, tmp_path: Path) -> None:

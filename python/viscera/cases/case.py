@@ -59,6 +59,7 @@ from viscera.boundary.holding import AT_REST
 from viscera.cases import schema, toml
 from viscera.cases.material import material
 from viscera.errors import VisceraError, did_you_mean, naming
+from viscera.files.atomic import followed
 from viscera.files.mesh import metres_per_unit
 from viscera.members import words_of
 from viscera.mesh import Mesh, read
@@ -71,7 +72,7 @@ from viscera.reduced.touch import Touch
 from viscera.reduced.vary import of_words
 from viscera.state import State
 
-Made = TypeVar("Made")
+Made = TypeVar("Made", bound="Solvable")
 PLACED = ("displacement", "force", "traction", "pressure")
 """Loads that act at a place."""
 NAMES = {"reduce": "reduction"}
@@ -88,6 +89,11 @@ class Solvable:
     settings: Mapping[str, Any]
     file: str
     """Name of the file that was read, for errors; empty if none was."""
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that the case reads."""
+        raise NotImplementedError
 
     def loading(self) -> dict[str, Any]:
         """Loads and settings as `Organ.solve` and `Scene.solve` take them.
@@ -328,13 +334,19 @@ def read_case(path: str | os.PathLike[str]) -> Case:
 
 
 def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], Path, str], Made]) -> Made:
-    """What is `made` of the words of a TOML file, of its folder and of its name; errors name the file."""
+    """What is `made` of the words of a TOML file, of its folder and of its name; errors name the file.
+
+    Of a symbolic link, the folder is that of the file itself, unless a file that the case names is not there.
+    """
     source = path_of(path, "the case file")
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
     words = toml.read(source)
     with naming(str(source)):
-        return made(words, source.parent, str(source))
+        read = made(words, followed(source).parent, str(source))
+        if source.is_symlink() and not all(map(os.path.exists, read.files)):  # a folder of links into a store
+            return made(words, source.parent, str(source))
+        return read
 
 
 def case_of(words: Mapping[str, Any], folder: Path = Path(), file: str = "") -> Case:

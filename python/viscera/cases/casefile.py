@@ -15,7 +15,7 @@ from viscera.boundary.loads import by_place
 from viscera.cases import material_schema
 from viscera.cases.case import NAMES, PLACED, Case, read_case
 from viscera.errors import VisceraError
-from viscera.files.atomic import replacing
+from viscera.files.atomic import followed, replacing
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import brief, path_of, refused
 from viscera.reduced.vary import Vary
@@ -43,7 +43,8 @@ def write(
     import tomli_w
 
     target = target_of(path)
-    mesh_file = target.with_name(f"{target.stem}_mesh.vtu")
+    real = followed(target)
+    mesh_file = real.with_name(f"{real.stem}_mesh.vtu")
     places = Places(organ.mesh)
     words: dict[str, Any] = {
         **organ_words(organ, places, mesh_file.name),

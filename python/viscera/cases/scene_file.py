@@ -18,7 +18,7 @@ from viscera.cases.scene_schema import SIZES
 from viscera.contact.shapes import Shape
 from viscera.contact.tool import Tool
 from viscera.errors import VisceraError
-from viscera.files.atomic import replacing
+from viscera.files.atomic import followed, replacing
 from viscera.mesh import Where as Nodes
 
 if TYPE_CHECKING:
@@ -39,7 +39,8 @@ def write(
 
     target = target_of(path)
     places = _ScenePlaces(scene)
-    files = _mesh_files(target.stem, scene)
+    real = followed(target)
+    files = _mesh_files(real.stem, scene)
     words: dict[str, Any] = {
         "organs": {name: organ_words(organ, places.organs[name], files[name]) for name, organ in scene.organs.items()},
         "bonds": [_bond(bond, places) for bond in scene.bonds if not isinstance(bond, Spring)],
@@ -51,7 +52,7 @@ def write(
     words = {name: plain(word) for name, word in words.items() if word}
     any_case_of(words)  # refused before anything is written
     for name, file in files.items():
-        places.organs[name].mesh.write(target.with_name(file))
+        places.organs[name].mesh.write(real.with_name(file))
     with replacing(target) as scratch:
         scratch.write_text(tomli_w.dumps(words), encoding="utf-8")
     written = read_any(target)

@@ -60,6 +60,11 @@ def writable(path: Name) -> Path:
     return target
 
 
+def followed(path: Path) -> Path:
+    """The file that a symbolic link leads to, else the path itself: what belongs to a file is written beside it."""
+    return Path(_real(path)) if path.is_symlink() else path
+
+
 def made_folder(path: Name) -> Path:
     """The folder of that name, made where it is missing; it is an error if it cannot be. Call this before long work."""
     target = path_of(path, "the folder to write to")

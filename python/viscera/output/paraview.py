@@ -8,7 +8,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from viscera.errors import VisceraError
-from viscera.files.atomic import Name, made_folder, replacing, writable
+from viscera.files.atomic import Name, followed, made_folder, replacing, writable
 from viscera.mesh import Floats, Mesh
 from viscera.output import state as statefile
 from viscera.quantity import path_of
@@ -26,7 +26,7 @@ def in_folder(folder: Name, name: str) -> Path:
 
 
 def write_series(path: Path, frames: Sequence[Frame]) -> list[Path]:
-    """Write NAME.pvd and beside it NAME_0000.vtu, ...; all their paths.
+    """Write NAME.pvd and beside it NAME_0000.vtu, ...; all their paths. A symbolic link is followed, for all of them.
 
     Points are at rest [m]; ParaView's filter Warp By Vector deforms them. Each file has the fields of its moment alone,
     and the sets and the world axes of its mesh.
@@ -36,9 +36,9 @@ def write_series(path: Path, frames: Sequence[Frame]) -> list[Path]:
     if not frames:
         raise VisceraError(f"{path}: there is no moment to write")
     writable(path)
-    files = []
+    real, files = followed(path), list[Path]()
     for index, (_, mesh, points, cells) in enumerate(frames):
-        target = path.with_name(f"{path.stem}_{index:04d}.vtu")
+        target = real.with_name(f"{real.stem}_{index:04d}.vtu")
         statefile.write_volume(target, mesh, points, cells)
         files.append(target)
     listing = "".join(
