@@ -383,8 +383,9 @@ class Stepper:
         torques: list[tuple[Patch, list[float]]],  # on places that nothing holds (3,) [N m]
         gravity: tuple[float, float, float],  # [m/s^2]
     ) -> dict[str, Any]:
-        """displacement (n, 3), reactions (n, 3), damping (of `viscera.boundary.ties`: beta, velocity, displacement,
-        is_convex; None without beta or ties), patch_forces and patch_torques (p, 3), residual (left, relative),
+        """displacement (n, 3), reactions (n, 3), supports (n, 3: reactions without those of patches), damping (of
+        `viscera.boundary.ties`: beta, velocity, displacement, is_convex; None without beta or ties),
+        patch_forces and patch_torques (p, 3), residual (left, relative),
         is_settled, steps (Newton iterations), cells_at_bound, taken (part of the step), is_unstable, iterations (of the
         linear solver), is_solved, floor, within_budget, seconds, energy, kinetic_energy, device_fault (str | None: why
         the graphics processor that was asked for takes no part), tangent_on_device (str | None)."""

@@ -142,7 +142,15 @@ class State(Deformed, Pictured):
                 if np.array_equal(nodes, where.nodes) and np.array_equal(weights, where.weights):
                     return np.array(force)
             raise VisceraError("this contact patch was not prescribed in the solve, so it has no reaction")
-        return np.asarray(self._held[self.mesh.nodes(where)].sum(axis=0))
+        return np.asarray(self._supports[self.mesh.nodes(where)].sum(axis=0))
+
+    @cached_property
+    def _supports(self) -> Floats:
+        """Nodal forces (n, 3) [N] without those of the patches."""
+        supports = np.array(self._held)
+        for (nodes, weights), force in zip(self._patches, self._patch_forces, strict=True):
+            supports[nodes] -= np.outer(weights, force)
+        return supports
 
     def contact(self, tool: Tool | AnyShape | ContactPair) -> Contact:
         """What a tool of the solve does to the organ: force, torque, area, pressures, gap.

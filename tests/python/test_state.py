@@ -42,6 +42,28 @@ def test_the_numbers_belong_together(state: vs.State) -> None:
     assert 0.0 < state.timings["total"] <= state.seconds
 
 
+def test_a_place_and_a_patch_that_share_nodes_are_told_apart(bar: vs.Mesh) -> None:
+    """Each force is the derivative of the energy by what is prescribed there; all of them balance."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    patch = organ.patch((0.38, 0.05, 0.1), 0.06)
+    assert np.intersect1d(patch.nodes, bar.nodes("tip")).size
+    assert np.setdiff1d(patch.nodes, bar.nodes("tip")).size
+
+    def solved(lift: float) -> vs.State:
+        prescribed = {"tip": (None, None, lift), patch: (0, 0, -0.006)}
+        return organ.solve(displacement=prescribed, settings={"tolerance": 1e-11})
+
+    state, small = solved(-0.004), 1e-5
+    tip, pressed = state.reaction("tip"), state.reaction(patch)
+    assert np.abs(pressed).max() > 1.0
+    assert tip + pressed + state.reaction("root") == pytest.approx(0.0, abs=1e-8 * np.abs(pressed).max())
+    assert tip[:2] == pytest.approx(0.0, abs=1e-8 * np.abs(pressed).max()), "nothing holds the tip there"
+    work = solved(-0.004 + small).energy - solved(-0.004 - small).energy
+    assert tip[2] == pytest.approx(work / (2 * small), rel=1e-5)
+    nodal = state._nodal()["reaction"]
+    assert nodal.sum(axis=0) == pytest.approx(0.0, abs=1e-8 * np.abs(pressed).max())
+
+
 def test_reactions_of_a_solve_that_stops_are_those_of_the_load_that_was_reached(bar: vs.Mesh) -> None:
     """The law breaks down under far too large a weight; the base carries a part of it, and free nodes nothing."""
     organ = vs.Organ(bar, vs.SaintVenantKirchhoff(young=1e4, poisson=0.3), fixed="root")

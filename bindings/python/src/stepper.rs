@@ -185,6 +185,7 @@ impl Stepper {
         let dict = PyDict::new(py);
         dict.set_item("displacement", field(py, stepper.displacement())?)?;
         dict.set_item("reactions", convert::field(py, stepper.reactions().collect())?)?;
+        dict.set_item("supports", convert::field(py, stepper.supports())?)?;
         dict.set_item("damping", damping(py, body, stepper)?)?;
         dict.set_item("patch_forces", convert::table(py, &frame.patch_forces)?)?;
         dict.set_item("patch_torques", convert::table(py, &frame.patch_torques)?)?;

@@ -80,6 +80,7 @@ class Frame(Deformed, Pictured):
     kinetic_energy: float
     """Kinetic energy [J]; 0 without inertia."""
     _reactions: Floats
+    _supports: Floats
     _patches: list[_core.Patch]
     _patch_forces: Floats
     _organ: Organ
@@ -251,6 +252,8 @@ class Frame(Deformed, Pictured):
     def reaction(self, where: Where | Hand) -> Floats:
         """Force (3,) [N] with which a place is held: by a hand, on a grasped patch, or summed over nodes.
 
+        A patch on the same nodes as a place has a force of its own, which is not counted there.
+
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper(iterations=10)
@@ -266,4 +269,4 @@ class Frame(Deformed, Pictured):
                 if patch is where:
                     return np.asarray(force)
             raise VisceraError("this contact patch is not held by the stepper")
-        return np.asarray(self._reactions[self._organ.mesh.nodes(where)].sum(axis=0))
+        return np.asarray(self._supports[self._organ.mesh.nodes(where)].sum(axis=0))

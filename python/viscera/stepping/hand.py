@@ -264,8 +264,8 @@ class Hand(Posed):
         """Refuses what nothing turns; from now on a patch holds its rotation, too, from where it is."""
         if spread(self._weights, self._arms) < ON_A_LINE:
             raise VisceraError(
-                f"a hand that holds {len(self._nodes)} nodes on a line cannot turn them; "
-                "it takes three nodes that are not on a line: take a larger place or patch"
+                f"a hand cannot turn what it holds: of its {len(self._nodes)} nodes, those that count lie on a line; "
+                "it takes three nodes that do not: take a larger place or patch"
             )
         if not self._holds_turn:
             self._rotation = self._reached = read_only(self._rotation_now())
@@ -293,7 +293,7 @@ class Hand(Posed):
             _require_near(angle_between(self._rotation_now(), self.rotation))
         return np.ascontiguousarray(self._arms @ self.rotation.T)
 
-    def _feel(self, displacement: Floats, reactions: Floats, carried: dict[Any, tuple[Floats, Floats]]) -> None:
+    def _feel(self, displacement: Floats, supports: Floats, carried: dict[Any, tuple[Floats, Floats]]) -> None:
         """Notes its force and its torque in a frame, and where they have moved it."""
         if self._pull is not None:
             self._told = self._pull
@@ -303,7 +303,7 @@ class Hand(Posed):
         if self._where in carried:
             self._told = carried[self._where]
             return
-        forces = reactions[self._nodes]
+        forces = supports[self._nodes]
         places = self._rest + displacement[self._nodes]
         arms = places - self._weights @ places
         self._told = forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)

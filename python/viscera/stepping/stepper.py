@@ -275,9 +275,9 @@ class Stepper:
         )
         self._named = named
         carried = dict(zip(patches, zip(result["patch_forces"], result["patch_torques"], strict=True), strict=True))
-        reactions = self._divided(result["reactions"])
+        supports = self._divided(result["supports"])
         for hand in self._hands:
-            hand._feel(result["displacement"], reactions, carried)
+            hand._feel(result["displacement"], supports, carried)
         told = contacts(self._core.contact([tool._number for tool in self._tools])) if self._tools else []
         felt = dict(zip(self._tools, told, strict=True))
         pairs = self._organ._contact_pairs
@@ -300,6 +300,7 @@ class Stepper:
             energy=result["energy"],
             kinetic_energy=result["kinetic_energy"],
             _reactions=result["reactions"],
+            _supports=result["supports"],
             _patches=patches,
             _patch_forces=result["patch_forces"],
             _organ=self._organ,
@@ -332,13 +333,13 @@ class Stepper:
             self._organ._require_held(IN_FRAMES, motion.dofs, motion.patches)
         self._core.grasp(motion.dofs, motion.patches)
 
-    def _divided(self, reactions: Floats) -> Floats:
-        """What each hand feels at each node [N]: hands that hold the same node share its reaction evenly."""
+    def _divided(self, supports: Floats) -> Floats:
+        """What each hand feels at each node [N]: hands that hold the same node share what holds it evenly."""
         holding = [hand for hand in self._hands if hand._pull is None and not isinstance(hand._where, _core.Patch)]
         if len(holding) < 2:
-            return reactions
-        hands = np.bincount(np.concatenate([hand._nodes for hand in holding]), minlength=len(reactions))
-        return np.asarray(reactions / np.maximum(hands, 1)[:, None])
+            return supports
+        hands = np.bincount(np.concatenate([hand._nodes for hand in holding]), minlength=len(supports))
+        return np.asarray(supports / np.maximum(hands, 1)[:, None])
 
     def _pulls(self, applied: Floats | None) -> tuple[Floats | None, list[tuple[_core.Patch, list[float]]]]:
         """Nodal forces with those of the hands that pull, and their torques."""

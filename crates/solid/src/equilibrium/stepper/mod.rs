@@ -319,6 +319,17 @@ impl Stepper {
         self.internal.iter().zip(&self.external).map(|(i, e)| i - e)
     }
 
+    /// The same without the forces `Wᵀ F` of the patches' tools [N]: what holds nodes themselves.
+    pub fn supports(&self) -> Vec<f64> {
+        let mut supports: Vec<f64> = self.reactions().collect();
+        let rows = mean_rows(&self.patches).into_iter();
+        let rows = rows.chain(self.turning.iter().flat_map(|turning| turning.rows.clone()));
+        for (row, force) in rows.zip(&self.forces) {
+            row.iter().for_each(|&(dof, w)| supports[dof as usize] -= w * force);
+        }
+        supports
+    }
+
     /// One frame.
     ///
     /// # Errors
