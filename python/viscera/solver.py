@@ -45,6 +45,7 @@ NEWTON: dict[str, tuple[Rule, str, str]] = {
 """Settings of Newton's method: allowed values, meaning and default of each."""
 
 PRECONDITIONERS = tuple(_core.preconditioners())
+LAGGED = "lagged_cholesky"
 _CG = {row["name"]: row for row in _SETTINGS["conjugate_gradients"]}
 
 
@@ -57,7 +58,7 @@ class ConjugateGradients:
     0.001
     """
 
-    preconditioner: str = "lagged_cholesky"
+    preconditioner: str = LAGGED
     """"block_jacobi" (paper B), "incomplete_cholesky" without fill, or "lagged_cholesky": the factor of an earlier
     frame in single precision, renewed when iterations grow; or "multigrid": a V-cycle on aggregates of nodes with their
     rigid-body modes, for large bodies."""
@@ -115,6 +116,9 @@ def core_solver(solver: Solver) -> _core.Solver:
         return core_solver(ConjugateGradients("multigrid", tolerance=1e-8, max_iterations=2000))
     if solver in ("cholesky", "auto"):
         return {"name": solver, "settings": {}, "device": "cpu"}
+    if solver in PRECONDITIONERS:
+        remedy = f"viscera.ConjugateGradients({solver!r})" + (' or "cg"' if solver == LAGGED else "")
+        raise VisceraError(f"{brief(solver)} is a preconditioner of conjugate gradients; give {remedy}")
     hint = did_you_mean(str(solver), NAMES)
     raise VisceraError(f"no solver is called {brief(solver)}; {hint}; or give a viscera.ConjugateGradients")
 

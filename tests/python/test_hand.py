@@ -55,6 +55,26 @@ def test_force_and_torque_balance_the_support(organ: vs.Organ, place: str, solve
     assert (frame.reaction(hand) == frame.force(hand)).all()
 
 
+def test_hands_on_a_place_and_on_a_patch_that_share_nodes_balance_the_support(organ: vs.Organ) -> None:
+    """The patch is turned, too: forces that hold its rotation act on the nodes of the place."""
+    stepper = organ.stepper(iterations=20, settled=1e-8)
+    patch = organ.patch((0.38, 0.05, 0.1), radius=0.06)
+    assert np.intersect1d(patch.nodes, organ.mesh.nodes("tip")).size
+    place, tool = stepper.grasp("tip"), stepper.grasp(patch)
+    place.move((0.001, 0, -0.003))
+    tool.move((0, 0, -0.004))
+    tool.turn((0.02, 0.05, -0.02))
+    frame = settle(stepper)
+    force, moment = support(organ, frame)
+    size = np.abs(tool.force).max()
+    assert size > 1.0
+    assert force + place.force + tool.force == pytest.approx(0.0, abs=1e-5 * size)
+    assert frame.reaction("tip") == pytest.approx(place.force)
+    for hand in (place, tool):
+        moment = moment + hand.torque + np.cross(hand.position, hand.force)
+    assert moment == pytest.approx(0.0, abs=1e-5 * size * 0.4)
+
+
 def test_a_turned_tip_is_the_static_solve_with_the_same_motion(organ: vs.Organ) -> None:
     stepper = organ.stepper(iterations=30, settled=1e-9)
     hand = stepper.grasp("tip")
@@ -262,7 +282,7 @@ REFUSED: list[tuple[str, Callable[[vs.Organ, vs.Hand], object]]] = [
     ("cannot pull; take hold again", lambda organ, hand: released(hand).pull((0, 0, 0.1))),
     ("pulls cannot be moved; call its hold", lambda organ, hand: pulled(hand).move((0, 0, 0.1))),
     ("held nothing in this frame", lambda organ, hand: organ.stepper().frame().force(hand)),
-    ("on a line cannot turn", lambda organ, hand: hand._stepper.grasp(organ.mesh.sets["tip"][:1]).turn((0, 0, 1))),
+    ("that count lie on a line", lambda organ, hand: hand._stepper.grasp(organ.mesh.sets["tip"][:1]).turn((0, 0, 1))),
     ("by 120 degrees in one frame", lambda organ, hand: turned(hand, 2.0944)._stepper.frame()),
 ]
 

@@ -322,6 +322,10 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
         vs.Prony([0.6, 0.5], [1.0, 1.0])
     with pytest.raises(VisceraError, match="no solver is called"):
         organ.solve(solver="lu")
+    with pytest.raises(VisceraError, match=r"ConjugateGradients\('lagged_cholesky'\) or \"cg\""):
+        organ.solve(solver="lagged_cholesky")
+    with pytest.raises(VisceraError, match=r"ConjugateGradients\('block_jacobi'\)$"):
+        organ.stepper(solver="block_jacobi")
 
 
 @pytest.mark.parametrize(
