@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import viscera as vs
 from viscera.scans.grid import Grid
@@ -108,3 +108,50 @@ def test_what_simpleitk_writes_says_where_it_lies(tmp_path: Path, ending: str) -
     image = sitk.GetImageFromArray(VOXELS)
     sitk.WriteImage(image, str(tmp_path / f"image{ending}"))
     expect_place(tmp_path / f"image{ending}", 1e-3 * np.eye(3, 4))
+
+
+SPACES = {"right-anterior-superior": (1.0, 1.0), "LPS": (-1.0, -1.0), "left-anterior-superior": (-1.0, 1.0)}
+"""Signs of the first two axes of a space of NRRD in RAS."""
+
+
+def vectors(path: Path, space: str, components: ArrayLike, frame: str = "") -> Path:
+    """A NRRD file whose 26 x 14 x 14 voxels of 3 mm all hold one vector."""
+    x, y = SPACES[space]
+    head = {"type": "float", "dimension": "4", "space": space, "sizes": "3 26 14 14", "encoding": "raw"}
+    head |= {"space directions": f"none ({3 * x},0,0) (0,{3 * y},0) (0,0,3)", "space origin": "(0,0,0)"}
+    head |= {"kinds": "vector domain domain domain", "endian": "little"} | (
+        {"measurement frame": frame} if frame else {}
+    )
+    said = "".join(f"{name}: {value}\n" for name, value in head.items())
+    data = np.broadcast_to(np.asarray(components, dtype="<f4"), (26 * 14 * 14, 3)).tobytes()
+    path.write_bytes(f"NRRD0005\n{said}\n".encode() + data)
+    return path
+
+
+@pytest.mark.parametrize("axes", ["RAS", "LPS"])
+@pytest.mark.parametrize("space", SPACES)
+def test_vectors_of_nrrd_are_turned_into_the_axes_of_the_mesh(tmp_path: Path, space: str, axes: str) -> None:
+    bar = vs.Scan(np.pad(np.ones((20, 8, 8), dtype=np.uint8), 3), 3e-3 * np.eye(3, 4)).in_axes(axes)
+    mesh, (x, y) = bar.mesh(1, edge="8 mm"), SPACES[space]
+    direction = np.array([1.0, 2.0, 0.5])  # in RAS
+    expected = direction * ([1.0, 1.0, 1.0] if axes == "RAS" else [-1.0, -1.0, 1.0]) / np.linalg.norm(direction)
+    one = vectors(tmp_path / "one.nrrd", space, direction * [x, y, 1.0])
+    # A frame turned by a quarter about z, in which the space's (a, b, c) has the components (b, -a, c).
+    measured = vectors(tmp_path / "two.nrrd", space, [2.0 * y, -x, 0.5], "(0,1,0) (-1,0,0) (0,0,1)")
+    for family in vs.image_fibres(mesh, one, measured):
+        cosine = np.abs(family @ expected)
+        assert np.allclose(cosine, 1.0, atol=1e-6)  # vectors in single precision
+
+
+@pytest.mark.parametrize(
+    ("frame", "words"),
+    [
+        ("(1,0,0) (0,1,0) (1,1,0)", r"its header has `measurement frame: \(1,0,0\).*`; write three independent"),
+        ("(nan,nan,nan) " * 3, r"its header has `measurement frame: \(nan,nan,nan\).*`; write three independent"),
+        ("(1,0,0) (0,1,0)", "not a readable .nrrd image .*measurement_frame"),
+    ],
+)
+def test_a_measurement_frame_is_three_vectors(tmp_path: Path, frame: str, words: str) -> None:
+    path = vectors(tmp_path / "bad.nrrd", "LPS", [1.0, 0.0, 0.0], frame)
+    with pytest.raises(vs.VisceraError, match=rf"bad\.nrrd: ({words})"):
+        vs.image_fibres(vs.organs.beam(), path)

@@ -55,6 +55,18 @@ def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
     return values, space.unit_of_space(path) * np.column_stack([direction, image.GetOrigin()]), "LPS"
 
 
+def read_vectors(path: Path) -> tuple[Floats, Floats, str]:
+    """Vectors (i, j, k, 3), affine map (3, 4) [m] and world axes of an image file, with components along these axes.
+
+    Shapes other than that of vectors are left to the caller. Raises `VisceraError` as `read_image` does.
+    """
+    values, affine, axes = read_image(path)
+    vectors = np.asarray(values, dtype=np.float64)
+    if ending_of(path, IMAGES) in (".nrrd", ".nhdr") and vectors.shape[3:] == (3,):
+        vectors = vectors @ nrrdspace.turn_of_vectors(path).T
+    return vectors, affine, axes
+
+
 EMPTY = 2
 """Slices without labels that are put back at either end of a segmentation that left some out."""
 

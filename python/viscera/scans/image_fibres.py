@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, naming
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import numbers_of, refused
 from viscera.scans.grid import require_as_scanned
-from viscera.scans.image import read_image
+from viscera.scans.image import read_vectors
 from viscera.scans.scan import Scan
 
 log = logging.getLogger("viscera")
@@ -23,9 +23,10 @@ log = logging.getLogger("viscera")
 def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, ArrayLike]) -> Floats:
     """Fibre directions per cell (2, m, 3), two families, from one or two vector images (both families from one).
 
-    images: files, or pairs of vectors (i, j, k, 3) and affine map (3, 4) [m]. Their components are along the world axes
-    and are turned to those of the mesh. At a centroid the direction is the principal one of `sum w v v^T` over the
-    eight voxels around it, w being trilinear weights: v and -v are the same fibre. Raises `VisceraError` if a cell
+    images: files, or pairs of vectors (i, j, k, 3) and affine map (3, 4) [m]. Their components are along the world
+    axes, in a NRRD file along those of its `space` or its `measurement frame`, and are turned to those of the mesh. At
+    a centroid the direction is the principal one of `sum w v v^T` over the eight voxels around it, w being trilinear
+    weights: v and -v are the same fibre. Raises `VisceraError` if a cell
     lies outside the image, where no direction is given around it, and for a mesh without the loads of its scan.
 
     >>> import numpy as np
@@ -46,8 +47,9 @@ def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, 
 def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
     """Unit directions (m, 3) at the centroids."""
     if isinstance(image, str | os.PathLike):
-        name, (voxels, affine, axes) = str(image), read_image(Path(image))
-        vectors = np.asarray(voxels, dtype=np.float64)
+        name = str(image)
+        with naming(name):
+            vectors, affine, axes = read_vectors(Path(image))
         if not mesh.axes:
             log.warning(
                 "the mesh states no world axes; they are taken for %s, those of %s: "

@@ -1,8 +1,8 @@
-"""What the header of a NRRD file says of its space, and SimpleITK does not pass on: its unit, and whether it says where
-it lies in the patient. SimpleITK takes every unit for millimetres, every space that it does not know for LPS, and puts
-an image without an origin at that of the space.
+"""What the header of a NRRD file says of its space, and SimpleITK does not pass on: its unit, whether it says where it
+lies in the patient, and the axes of its vectors. SimpleITK takes every unit for millimetres, every space that it does
+not know for LPS, puts an image without an origin at that of the space, and turns positions into LPS, but no vectors.
 
-NRRD format, version 5: `space`, `space units`, `space origin`, `space directions`
+NRRD format, version 5: `space`, `space units`, `space origin`, `space directions`, `measurement frame`
 (teem.sourceforge.net/nrrd/format.html, section 5).
 """
 
@@ -11,11 +11,20 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
+
 from viscera.errors import VisceraError
 from viscera.files.mesh import METRES
+from viscera.mesh import Floats
 
-PATIENT = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior", "lps", "ras", "las")
-"""Spaces with the patient's axes, all of which SimpleITK turns into LPS."""
+PATIENT = {
+    **dict.fromkeys(("left-posterior-superior", "lps"), (1.0, 1.0, 1.0)),
+    **dict.fromkeys(("right-anterior-superior", "ras"), (-1.0, -1.0, 1.0)),
+    **dict.fromkeys(("left-anterior-superior", "las"), (1.0, -1.0, 1.0)),
+}
+"""Spaces with the patient's axes, all of which SimpleITK turns into LPS, with the sign of each axis there."""
+FRAME = "measurement frame"
+"""The field with the directions, in the space, along which the components of vectors are measured."""
 PLACE = {
     "space origin": ("(x,y,z)", "the centre of its first voxel"),
     "space directions": ("(x,y,z) (x,y,z) (x,y,z)", "the steps between its voxels"),
@@ -56,6 +65,27 @@ def unit_of_space(path: Path) -> float:
             "for each axis"
         )
     return METRES[units[0]]
+
+
+def turn_of_vectors(path: Path) -> Floats:
+    """The matrix (3, 3) that takes the components of the vectors of a NRRD file into LPS: `v_LPS = S F v`.
+
+    S has the signs of the axes of its space (`PATIENT`); the columns of F are the vectors of the measurement frame, by
+    default the axes of the space. Raises `VisceraError` for a frame whose vectors are not independent.
+    """
+    fields, _ = header(path)
+    signs = np.diag(PATIENT[fields["space"].lower()])
+    if FRAME not in fields:
+        return signs
+    # SimpleITK has read three vectors of three numbers there.
+    vectors = [[float(x) for x in one.split(",")] for one in re.findall(r"\(([^()]*)\)", fields[FRAME])]
+    frame = np.array(vectors).T
+    if not (np.isfinite(frame).all() and np.linalg.matrix_rank(frame) == 3):
+        raise VisceraError(
+            f"its header has `{FRAME}: {fields[FRAME][:80]}`; write three independent vectors there, "
+            "`(1,0,0) (0,1,0) (0,0,1)` if its vectors are along the axes of its space"
+        )
+    return np.asarray(signs @ frame)
 
 
 def header(path: Path) -> tuple[dict[str, str], int]:
