@@ -46,10 +46,15 @@ def test_a_written_solution_keeps_the_sets_of_its_mesh(bar: vs.Mesh, tmp_path: P
     assert vs.output.state.read(tmp_path / f"bar{ending}")[1].shape[1] == 3
 
 
-def test_a_format_without_sets_says_so(bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    bar.write(tmp_path / "bar.mesh")
-    assert caplog.messages == [f"{tmp_path / 'bar.mesh'}: .mesh cannot hold sets and parts; .vtu does"]
-    assert not vs.read(tmp_path / "bar.mesh").sets
+@pytest.mark.parametrize("ending", [".mesh", ".meshb"])
+def test_a_format_without_sets_says_so(
+    bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture, ending: str
+) -> None:
+    path = tmp_path / f"bar{ending}"
+    bar.write(path)
+    assert caplog.messages == [f"{path}: {ending} cannot hold sets and parts; .vtu does"]
+    assert not vs.read(path).sets
+    bar.with_sets(**{"line\nbreak": [0]}).write(path)  # no name is written, so none is refused
 
 
 @pytest.mark.parametrize("ending", WITH_SETS)

@@ -47,6 +47,10 @@ EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 """Local ends of the edges whose midpoints are nodes 4 to 9 of a ten-node tetrahedron."""
 STRAIGHT = 1e-3
 """How far a midpoint may be off the middle of its edge, in edge lengths: the rounding of single precision."""
+WITHOUT_SETS = (".mesh", ".meshb")
+"""Formats into which no sets are written."""
+WITHOUT_SETS = (".mesh", ".meshb")
+"""Formats into which no sets are written."""
 UNSAID = {".inp": ',="', ".msh": '"\\'}
 """Letters that end a name in these formats."""
 VTK_SAFE = "".join(letter for letter in map(chr, range(33, 127)) if letter not in '"%')
@@ -110,12 +114,12 @@ def _refuse_names(ending: str, names: Iterable[str]) -> None:
                 f"the names {brief(other)} and {brief(name)} of sets differ in capitals alone, which .inp does not "
                 "keep apart; rename one"
             )
-        if ending != ".mesh" and any("\ud800" <= letter <= "\udfff" for letter in name):
+        if ending not in WITHOUT_SETS and any("\ud800" <= letter <= "\udfff" for letter in name):
             raise VisceraError(
                 f"the name {brief(name)} of a set holds half of a letter, which no file can say; rename the set"
             )
         unsaid = next((letter for letter in name if letter in UNSAID.get(ending, "") or ord(letter) < 32), None)
-        if unsaid is not None and ending != ".mesh":
+        if unsaid is not None and ending not in WITHOUT_SETS:
             raise VisceraError(
                 f"the name {brief(name)} of a set holds {unsaid!r}, which {ending} cannot say; rename the set"
             )
@@ -207,7 +211,7 @@ def lacking(path: Path, sets: Mapping[str, Any], cell_sets: Mapping[str, Any], a
     """What of a mesh the format of a file cannot hold, in words."""
     ending = _known_ending(path)
     lacks = []
-    if ending == ".mesh" and (sets or cell_sets):
+    if ending in WITHOUT_SETS and (sets or cell_sets):
         lacks.append("sets and parts")
     if ending != ".vtu" and axes:
         lacks.append(f"the axes {axes}")
