@@ -310,6 +310,23 @@ def test_parts_and_element_sets_of_ten_node_febio_cells_are_read(tmp_path: Path)
     }
 
 
+def test_node_sets_that_lose_midpoints_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    ends = [[*pair] for pair in ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))]
+    points = np.vstack([TET, np.asarray(TET, dtype=float)[ends].mean(axis=1)]).tolist()
+    nodes = "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(points, start=1))
+    sets = {"probes": "5,6", "edge": "1,5,2", "corner": "1,2,3,5,8,9"}
+    text = f"*NODE\n{nodes}*ELEMENT, TYPE=C3D10\n1,1,2,3,4,5,6,7,8,9,10\n"
+    (tmp_path / "a.inp").write_text(text + "".join(f"*NSET, NSET={name}\n{held}\n" for name, held in sets.items()))
+    found = vs.read(tmp_path / "a.inp")
+    assert {name: held.tolist() for name, held in found.sets.items()} == {"edge": [0, 1], "corner": [0, 1, 2]}
+    lost = (
+        "the node set 'probes' is left out: all its nodes are midpoints of edges",
+        "the node set 'corner' has lost 2 of its 6 nodes: midpoints of edges whose ends it does not hold",
+    )
+    assert found.messages[1:] == lost
+    assert [record.message for record in caplog.records if record.levelname == "WARNING"][: len(lost)] == [*lost]
+
+
 # Bad files
 
 

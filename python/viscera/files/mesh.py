@@ -313,12 +313,39 @@ def _without_midpoints(raw: RawMesh) -> RawMesh:
             )
     is_kept = np.ones(len(points), dtype=bool)
     is_kept[cells[:, 4:]] = False
+    lost = _lost_midpoints(raw)
+    for loss in lost:
+        said.warning(loss)
     is_kept[cells[:, :4]] = True
     number = np.cumsum(is_kept) - 1
     sets = {name: number[nodes[is_kept[nodes]]] for name, nodes in raw.sets.items()}
     message = "left out the midpoints of ten-node cells; the element P2 puts them back"
     kept = {name: nodes for name, nodes in sets.items() if len(nodes)}
-    return RawMesh(points[is_kept], number[cells[:, :4]], kept, raw.cell_sets, (*raw.messages, message), raw.axes)
+    messages = (*raw.messages, message, *lost)
+    return RawMesh(points[is_kept], number[cells[:, :4]], kept, raw.cell_sets, messages, raw.axes)
+
+
+def _lost_midpoints(raw: RawMesh) -> list[str]:
+    """The node sets of ten-node cells that hold midpoints without both ends of their edges, in words.
+
+    Other midpoints come back with the element P2: a set has those between its nodes.
+    """
+    ends = np.full((len(raw.points), 2), -1)
+    for k, edge in enumerate(EDGES, start=4):
+        ends[raw.cells[:, k]] = raw.cells[:, edge]
+    ends[raw.cells[:, :4]] = -1
+    lost = []
+    for name, nodes in raw.sets.items():
+        middles = nodes[ends[nodes, 0] >= 0]
+        is_alone = ~np.isin(ends[middles], nodes).all(axis=1)
+        if len(middles) and len(middles) == len(nodes):
+            lost.append(f"the node set {brief(name)} is left out: all its nodes are midpoints of edges")
+        elif is_alone.any():
+            lost.append(
+                f"the node set {brief(name)} has lost {is_alone.sum()} of its {len(nodes)} nodes: midpoints of edges "
+                "whose ends it does not hold"
+            )
+    return lost
 
 
 def _sets_of_point_arrays(found: meshio.Mesh) -> Arrays:
