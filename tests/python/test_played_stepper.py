@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import weakref
 from typing import Any
 
 import numpy as np
@@ -212,3 +213,51 @@ def test_the_view_that_took_hold_last_holds_the_organ(organ: vs.Organ) -> None:
     shown.answer(TOP, PUSH)
     assert views(shown, "one", move=(0, 0, -0.03))["hands"][0]["displacement"] == pytest.approx(PUSH)
     assert views(shown, "two", release=True)["hands"] == [None, None]
+
+
+def test_a_stepper_shown_again_is_in_the_same_hands(organ: vs.Organ) -> None:
+    pytest.importorskip("anywidget")
+    stepper = organ.stepper(iterations=10)
+    first = stepper.view("Bar")
+    first.touch(TOP, PUSH)
+    again = stepper.view("Again", height=300)
+    again.touch(TOP, (0.0, 0.0, -0.005))
+    assert len(stepper._hands) == 1
+    assert first.force == again.force
+    assert first.displacement == pytest.approx([0.0, 0.0, -0.005])
+    assert (json.loads(again._played.reply(""))["name"], again.height) == ("Again", 300)
+    assert views(again._played, "two", laws=["NeoHookean"]) == {"holder": None, "hands": [None, None]}
+    assert stepper._hands == []
+    assert np.abs(stepper.displacement).max() < 1e-9
+    with pytest.raises(vs.VisceraError, match="height"):
+        stepper.view(height=0)
+
+
+def test_a_tool_that_comes_later_is_in_the_next_view_which_closes_the_earlier(organ: vs.Organ) -> None:
+    pytest.importorskip("anywidget")
+    stepper = organ.stepper(iterations=10)
+    first = stepper.view("Bar")
+    first.touch(TOP, PUSH)
+    stepper.tool(vs.Sphere(0.03), position=(0.2, 0.05, 0.3))
+    second = stepper.view("Bar")
+    assert len(json.loads(second._played.reply(""))["bodies"]) == 1
+    assert stepper._hands == []
+    with pytest.raises(vs.VisceraError, match="this view is closed; show the organ anew"):
+        first.touch(TOP, PUSH)
+    second.touch(TOP, PUSH)
+    assert stepper.view("Bar") is second
+
+
+def test_a_closed_view_lets_go_and_keeps_no_stepper(organ: vs.Organ) -> None:
+    pytest.importorskip("anywidget")
+    stepper = organ.stepper(iterations=10)
+    closed = stepper.view("Bar")
+    closed.touch(TOP, PUSH)
+    closed.close()
+    assert stepper._hands == []
+    stepper.view("Bar").touch(TOP, PUSH)  # as nobody holds that place any more
+    stepper.view("Bar").close()
+    kept = weakref.ref(stepper)
+    del stepper
+    assert kept() is None, "without the collector of cycles"
+    assert closed.model == b""

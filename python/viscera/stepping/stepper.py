@@ -202,8 +202,9 @@ class Stepper:
         organ rests; `widget.release()` lets go.
         `widget.point`, `widget.displacement`, `widget.force` and `widget.is_trusted` follow each touch:
         `widget.observe(handler, "force")`. Frames of the page apply no load except the hands. Tools that the stepper
-        has by now are shown, where they are, as are the bodies and springs of a `Scene`. name: shown above the organ;
-        height: of the view, in pixels.
+        has by now are shown, where they are, as are the bodies and springs of a `Scene`. A stepper has one view: called
+        again, this returns the same widget. `widget.close()` lets go, and forgets the stepper. name: shown above the
+        organ; height: of the view, in pixels.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -212,11 +213,9 @@ class Stepper:
         >>> round(widget.force[2], 3), widget.is_trusted
         (-0.496, True)
         """
-        from viscera.stepping.anew import begin_anew
-        from viscera.viewer.notebook import widget
-        from viscera.viewer.stepped import PlayedStepper
+        from viscera.viewer.stepper_view import view_of
 
-        return widget(PlayedStepper(lambda: self, name, again=lambda: begin_anew(self)), height)
+        return view_of(self, name, height)
 
     def frame(
         self,

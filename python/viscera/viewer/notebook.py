@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import uuid
 from typing import Any, Protocol
 
@@ -20,6 +21,7 @@ Told = dict[str, Any]
 """A touch as the widget's traits hold it; each is None without a touch."""
 HEIGHT = Whole(1, 10_000)
 """Pixels."""
+GONE = "this view is closed; show the organ anew, with view()"
 
 
 class Played(Protocol):
@@ -36,6 +38,9 @@ class Played(Protocol):
 
     def release(self) -> None:
         """Let go."""
+
+    def let_go(self) -> None:
+        """Every hand of the views lets go, without a frame."""
 
     def held(self) -> dict[str, Any]:
         """Who holds the organ and where, beside a frame; nothing where nobody can."""
@@ -68,6 +73,9 @@ class PlayedTouch:
     def release(self) -> None:
         """Does nothing: the model has no memory."""
 
+    def let_go(self) -> None:
+        """Does nothing, likewise."""
+
     def held(self) -> dict[str, Any]:
         """Nothing: each view has its own touch."""
         return {}
@@ -75,6 +83,39 @@ class PlayedTouch:
     def reply(self, request: str, view: str = "") -> str:
         """The page of a model asks for nothing."""
         return '{"error": "this model is evaluated in the page"}'
+
+
+class Closed:
+    """What a widget shows once it is closed: nothing. It keeps neither model nor organ."""
+
+    def model(self) -> bytes:
+        """None."""
+        return b""
+
+    def picture(self) -> bytes:
+        """Refused: there is none any more."""
+        raise VisceraError(GONE)
+
+    def answer(self, point: Lengths, displacement: Lengths) -> Told:
+        """Refused: there is nothing to touch."""
+        raise VisceraError(GONE)
+
+    def release(self) -> None:
+        """Does nothing: there is no touch."""
+
+    def let_go(self) -> None:
+        """Does nothing, likewise."""
+
+    def held(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+    def reply(self, request: str, view: str = "") -> str:
+        """The sentence that says so."""
+        return json.dumps({"error": GONE})
+
+
+CLOSED = Closed()
 
 
 def told(point: Any, displacement: Any, force: Any, is_trusted: bool) -> Told:
@@ -116,11 +157,18 @@ def _widget_class() -> type:
         displacement = traitlets.List(traitlets.Float(), default_value=None, allow_none=True).tag(sync=True)
         force = traitlets.List(traitlets.Float(), default_value=None, allow_none=True).tag(sync=True)
         is_trusted = traitlets.Bool(default_value=None, allow_none=True).tag(sync=True)
+        _played: Played = CLOSED
 
         def __init__(self, played: Played, height: int) -> None:
             super().__init__(model=played.model(), height=height, picture=uuid.uuid4().hex)
             self._played = played
             self.on_msg(self._converse)
+
+        def close(self) -> None:
+            """Take the view out of all cells; its hands let go, and what it showed is no longer kept here."""
+            self._played.let_go()
+            super().close()
+            self._played, self.model = CLOSED, b""
 
         def touch(self, point: Lengths, displacement: Lengths) -> None:
             """Touch at a point and displace the contact, in metres or in words such as "(1, 2, 3) mm"."""

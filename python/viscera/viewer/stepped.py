@@ -65,7 +65,7 @@ class PlayedStepper:
         left_out: kinds of loads that the page says are not applied; notes: what else it says (`viewer/live.py`).
         """
         self._again = again or make
-        self._name = name
+        self.name = name
         self._gravity = gravity
         self._left_out = left_out
         self._notes = notes or {}
@@ -73,6 +73,11 @@ class PlayedStepper:
         self._holder = Holder()
         self._stressed: set[str] = set()
         self._start(make())
+
+    @property
+    def has_all_tools(self) -> bool:
+        """Whether it shows the tools that the stepper has now."""
+        return self._surroundings.bodies == tuple(self._stepper._tools)
 
     def model(self) -> bytes:
         """None: the kernel steps."""
@@ -112,6 +117,12 @@ class PlayedStepper:
         self._act(0, {"release": True})
         self._settled()
 
+    def let_go(self) -> None:
+        """Both hands let go; the organ stays where it is until the next frame."""
+        for held in filter(None, self._hands):
+            held.hand.release()
+        self._hands = [None, None]
+
     def held(self) -> dict[str, Any]:
         """Who holds the organ, and what each hand holds: for views that show what others do."""
         holder = self._holder.view if any(self._hands) else None
@@ -125,7 +136,7 @@ class PlayedStepper:
         if not request:
             return introduction(
                 self._surroundings,
-                self._name,
+                self.name,
                 gravity=self._gravity,
                 left_out=self._left_out,
                 has_stress=self._stepper._relaxation is None,
@@ -145,13 +156,8 @@ class PlayedStepper:
 
     def _begin(self) -> None:
         """From rest, with nobody holding the organ."""
-        self._let_go()
+        self.let_go()
         self._start(self._again())
-
-    def _let_go(self) -> None:
-        for held in filter(None, self._hands):
-            held.hand.release()
-        self._hands = [None, None]
 
     def _start(self, stepper: Stepper) -> None:
         """A stepper that no hand of the page holds; tools that it gets later are not shown."""
@@ -183,7 +189,7 @@ class PlayedStepper:
             for gesture in (asked, asked.get("second", {})):
                 if "grab" in gesture:
                     self._patch(gesture["grab"], gesture.get("organ"))
-            self._let_go()
+            self.let_go()
         self._holder.view = view
 
     def _frame(self) -> Frame:
@@ -297,6 +303,9 @@ class PlayedState:
 
     def release(self) -> None:
         """Does nothing: there is no touch."""
+
+    def let_go(self) -> None:
+        """Does nothing, likewise."""
 
     def held(self) -> dict[str, Any]:
         """Nothing: nobody holds it."""
