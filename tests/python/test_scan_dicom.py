@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ import pytest
 import viscera as vs
 
 
-def segmentation(path: Path, voxels: Any, kind: str = "BINARY", *, leaves_out: bool = False) -> None:
-    """Writes segments (4, 6, 8, n), the first of which is the liver, on slices of 6 x 8 voxels."""
+def segmentation(
+    path: Path, voxels: Any, kind: str = "BINARY", *, leaves_out: bool = False, places: Sequence[int] = range(4)
+) -> None:
+    """Writes segments (k, 6, 8, n), the first of which is the liver, on slices of 6 x 8 voxels at places 3 mm apart."""
     highdicom = pytest.importorskip("highdicom")
     from highdicom.sr.coding import CodedConcept
     from pydicom.dataset import Dataset, FileMetaDataset
@@ -20,7 +23,7 @@ def segmentation(path: Path, voxels: Any, kind: str = "BINARY", *, leaves_out: b
 
     study, series, frame = (generate_uid(entropy_srcs=[word]) for word in ("study", "series", "frame"))
     slices = []
-    for k in range(4):
+    for k in places:
         ct = Dataset()
         ct.file_meta = FileMetaDataset()
         ct.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
@@ -73,3 +76,41 @@ def test_segments_that_overlap_or_are_fractions_are_refused(tmp_path: Path) -> N
     segmentation(tmp_path / "part.dcm", 0.7 * voxels[..., :1].astype(float), "FRACTIONAL")
     with pytest.raises(vs.VisceraError, match=r"part.dcm: it says how much of each voxel .* save it as a binary"):
         vs.scan(tmp_path / "part.dcm")
+
+
+GAPS = {
+    "left out": (range(6), [1, 2, 4], ""),
+    "lacking": ([0, 1, 2, 4, 5], [1, 2, 4], "the slice at [10.0, 20.0, 39.0] mm"),
+    "from above": ([7, 5, 4, 1, 0], [5, 4, 1], "the slices at [10.0, 20.0, 39.0], [10.0, 20.0, 36.0] mm"),
+    "one of two": ([0, 1, 2, 4, 5], [0, 1, 4], "1 of the slices at [10.0, 20.0, 39.0], [10.0, 20.0, 36.0] mm"),
+    "in no order": ([4, 0, 2, 1, 5], [0, 1, 2, 4, 5], "the slice at [10.0, 20.0, 39.0] mm"),
+    "in no order, left out": ([4, 0, 2, 1, 5, 3], [0, 1, 2, 4, 5], ""),
+}
+"""The slices of a scan, those of the organ, and what is said: those that the scan lacks, not those left out."""
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_a_slice_that_the_scan_lacks_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture, gap: str) -> None:
+    places, drawn, lacks = GAPS[gap]
+    voxels = np.zeros((len(places), 6, 8, 1), dtype=np.uint8)
+    voxels[np.isin(places, drawn), 2:4, 5:7] = 1
+    path = tmp_path / "liver.dcm"
+    segmentation(path, voxels, leaves_out=True, places=places)
+    caplog.clear()
+    found = vs.scan(path)
+    assert found.labels == {1: 4 * len(drawn)}
+    said = [f"{path}: the scan in which it was drawn lacks {lacks}, between others that it has"] if lacks else []
+    assert [message.partition(", where no organ")[0] for message in caplog.messages] == said
+
+
+def test_slices_that_are_not_neighbours_do_not_pass_for_them(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Without the distance of slices, that of two stored ones is taken, which has images between them here."""
+    voxels = np.zeros((5, 6, 8, 1), dtype=np.uint8)
+    voxels[[1, 3], 2:4, 5:7] = 1
+    segmentation(tmp_path / "far.dcm", voxels, leaves_out=True, places=[0, 1, 2, 4, 5])
+    caplog.clear()
+    vs.scan(tmp_path / "far.dcm")
+    words = (
+        "images of the scan in which it was drawn lie between its slices at [10.0, 20.0, 42.0] and [10.0, 20.0, 33.0]"
+    )
+    assert [words in message for message in caplog.messages] == [True]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 from viscera.errors import VisceraError
 from viscera.files.atomic import replacing
 from viscera.mesh import Floats
-from viscera.scans import metaspace, nifti, nrrdspace
+from viscera.scans import metaspace, nifti, nrrdspace, slices
 from viscera.scans.itk import read_by_itk, sitk, write_by_itk
 from viscera.scans.room import in_memory
+
+log = logging.getLogger("viscera")
 
 IMAGES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 """The formats of images of any values."""
@@ -84,7 +87,9 @@ def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, 
         reason = " ".join(str(error).split())[-200:]
         raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
     array, affine = volume.array, MM * volume.affine[:3]
-    if _n_source_images(found) > len(array):
+    if doubt := slices.doubt(found, volume.affine[:3]):
+        log.warning("%s: %s", path, doubt)
+    if len(slices.source_images(found)) > len(array):
         array, affine = _with_empty_ends(array, affine)
     return array, affine, "LPS", names
 
@@ -126,13 +131,6 @@ def _overlaps(segmentation: Any) -> Counter[tuple[int, int]]:
         )
         owner[mask & (owner == 0)] = number
     return shared
-
-
-def _n_source_images(segmentation: Any) -> int:
-    """Number of images, one for each slice, in which the segments were drawn; 0 if the file does not say."""
-    series = getattr(segmentation, "ReferencedSeriesSequence", ())
-    images = [image for one in series for image in getattr(one, "ReferencedInstanceSequence", ())]
-    return len({str(image.ReferencedSOPInstanceUID) for image in images})
 
 
 def _with_empty_ends(array: NDArray[Any], affine: Floats) -> tuple[NDArray[Any], Floats]:
