@@ -20,6 +20,8 @@ import viscera as vs
 from viscera.cli import main
 from viscera.reduced.checkpoint import RECORD, Checkpoint
 
+PART = "x > 60%"
+"""Of the surface: several batches."""
 SETTINGS: dict[str, Any] = {"order": 3, "depth": 0.03, "radius": 0.06}
 
 
@@ -35,7 +37,7 @@ def organ() -> vs.Organ:
 @pytest.fixture(scope="module")
 def whole(organ: vs.Organ, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The model file of a reduction that nothing interrupted, without its time."""
-    return contents(organ.reduce(**SETTINGS), tmp_path_factory.mktemp("whole"))
+    return contents(organ.reduce(PART, **SETTINGS), tmp_path_factory.mktemp("whole"))
 
 
 def contents(touch: vs.Touch, folder: Path) -> bytes:
@@ -61,13 +63,16 @@ def stop_after(batches: int, path: Path) -> Any:
 def test_what_was_stopped_goes_on_and_ends_with_the_same_model(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
     path, said = tmp_path / "beam.batches", list[str]()
     with pytest.raises(Enough):
-        organ.reduce(**SETTINGS, checkpoint=Checkpoint(path, said.append), progress=stop_after(1, path))
+        organ.reduce(PART, **SETTINGS, checkpoint=Checkpoint(path, said.append), progress=stop_after(1, path))
     assert said == []
     kept = path.stat().st_size
     assert kept > 1000
     first: list[int] = []
     touch = organ.reduce(
-        **SETTINGS, checkpoint=Checkpoint(path, said.append), progress=lambda done, total, stage: first.append(done)
+        PART,
+        **SETTINGS,
+        checkpoint=Checkpoint(path, said.append),
+        progress=lambda done, total, stage: first.append(done),
     )
     assert len(said) == 1
     assert "continuing after" in said[0]
@@ -110,28 +115,28 @@ def test_a_model_removes_no_batches_but_its_own(organ: vs.Organ, tmp_path: Path)
 def test_a_record_cut_short_is_solved_again(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
     path = tmp_path / "beam.batches"
     with pytest.raises(Enough):
-        organ.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+        organ.reduce(PART, **SETTINGS, checkpoint=path, progress=stop_after(1, path))
     os.truncate(path, path.stat().st_size - 7)
     said: list[str] = []
-    assert contents(organ.reduce(**SETTINGS, checkpoint=Checkpoint(path, said.append)), tmp_path) == whole
+    assert contents(organ.reduce(PART, **SETTINGS, checkpoint=Checkpoint(path, said.append)), tmp_path) == whole
     assert not path.exists()
 
 
 def test_a_damaged_record_is_solved_again(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
     path = tmp_path / "beam.batches"
     with pytest.raises(Enough):
-        organ.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+        organ.reduce(PART, **SETTINGS, checkpoint=path, progress=stop_after(1, path))
     damaged = bytearray(path.read_bytes())
     damaged[len(damaged) // 2] ^= 4
     path.write_bytes(damaged)
-    assert contents(organ.reduce(**SETTINGS, checkpoint=path), tmp_path) == whole
+    assert contents(organ.reduce(PART, **SETTINGS, checkpoint=path), tmp_path) == whole
 
 
 def test_only_what_is_a_batch_counts_as_finished(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
     """A second record of the same positions adds nothing, and the core ignores what is none of its own."""
     path, said = tmp_path / "beam.batches", list[str]()
     with pytest.raises(Enough):
-        organ.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+        organ.reduce(PART, **SETTINGS, checkpoint=path, progress=stop_after(1, path))
     head, _, records = path.read_bytes().partition(b"\n")
     kept, at = list[bytes](), 0
     while at < len(records):
@@ -140,7 +145,7 @@ def test_only_what_is_a_batch_counts_as_finished(organ: vs.Organ, whole: bytes, 
         at += len(kept[-1])
     foreign = b"no batch"
     path.write_bytes(head + b"\n" + kept[0] + RECORD.pack(len(foreign), zlib.crc32(foreign)) + foreign + kept[0])
-    touch = organ.reduce(**SETTINGS, checkpoint=Checkpoint(path, said.append))
+    touch = organ.reduce(PART, **SETTINGS, checkpoint=Checkpoint(path, said.append))
     assert said == [f"continuing after 1 finished batch, from {path}"]
     assert contents(touch, tmp_path) == whole
 
@@ -149,9 +154,9 @@ def test_batches_of_another_case_are_left_out_and_it_is_said(organ: vs.Organ, wh
     path = tmp_path / "beam.batches"
     softer = organ.with_law(vs.NeoHookean(young=0.9e5, poisson=0.3))
     with pytest.raises(Enough):
-        softer.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+        softer.reduce(PART, **SETTINGS, checkpoint=path, progress=stop_after(1, path))
     with pytest.warns(UserWarning, match="of another case or version; starting again"):
-        touch = organ.reduce(**SETTINGS, checkpoint=path)
+        touch = organ.reduce(PART, **SETTINGS, checkpoint=path)
     assert contents(touch, tmp_path) == whole
 
 
@@ -165,7 +170,10 @@ def test_ctrl_c_while_finished_batches_are_read_stops_before_any_is_solved(
     stages: set[str] = set()
     with pytest.raises(KeyboardInterrupt):
         organ.reduce(
-            **SETTINGS, checkpoint=tmp_path / "beam.batches", progress=lambda done, total, stage: stages.add(stage)
+            PART,
+            **SETTINGS,
+            checkpoint=tmp_path / "beam.batches",
+            progress=lambda done, total, stage: stages.add(stage),
         )
     assert "solve" not in stages
 
@@ -175,12 +183,12 @@ def test_a_file_of_something_else_is_not_touched(organ: vs.Organ, tmp_path: Path
     path = tmp_path / "thesis.txt"
     path.write_text(text)
     with pytest.raises(vs.VisceraError, match="no file of finished batches"):
-        organ.reduce(**SETTINGS, checkpoint=path)
+        organ.reduce(PART, **SETTINGS, checkpoint=path)
     assert path.read_text() == text
     with pytest.raises(vs.VisceraError, match="the file of finished batches must be named by a text or a path, got 3"):
-        organ.reduce(**SETTINGS, checkpoint=3)  # type: ignore[arg-type]
+        organ.reduce(PART, **SETTINGS, checkpoint=3)  # type: ignore[arg-type]
     with pytest.raises(vs.VisceraError, match="batches cannot be kept there"):
-        organ.reduce(**SETTINGS, checkpoint=tmp_path / "nowhere" / "beam.batches")
+        organ.reduce(PART, **SETTINGS, checkpoint=tmp_path / "nowhere" / "beam.batches")
 
 
 def device(path: Path) -> None:
@@ -208,7 +216,7 @@ def test_what_is_no_file_is_refused_and_stays(
     before = path.stat()
     stages: list[str] = []
     with pytest.raises(vs.VisceraError, match=f"beam.batches is {kind}, .*choose another name"):
-        organ.reduce(**SETTINGS, checkpoint=path, progress=lambda done, total, stage: stages.append(stage))
+        organ.reduce(PART, **SETTINGS, checkpoint=path, progress=lambda done, total, stage: stages.append(stage))
     assert os.path.samestat(path.stat(), before)
     assert stages == []
 
@@ -248,11 +256,11 @@ def test_two_reductions_do_not_share_a_file(organ: vs.Organ, tmp_path: Path) -> 
 
     def meanwhile(done: int, total: int, stage: str) -> None:
         with pytest.raises(vs.VisceraError, match="is in use: another reduction writes it"):
-            organ.reduce(**SETTINGS, checkpoint=path)
+            organ.reduce(PART, **SETTINGS, checkpoint=path)
         raise Enough
 
     with pytest.raises(Enough):
-        organ.reduce(**SETTINGS, checkpoint=path, progress=meanwhile)
+        organ.reduce(PART, **SETTINGS, checkpoint=path, progress=meanwhile)
 
 
 CASE = """

@@ -35,7 +35,7 @@ class Specimen(NamedTuple):
 SPECIMENS = [
     Specimen("liver_sofa_1441.vtu", "0.035", "y < 15%", "z > 96%", "0.48", 38.97 * 0.035**3 * 1e3, ("2%", "5%")),
     Specimen("kidney_openhelp_676.vtu", "mm", "z < 15%", "z > 92%", "0.45", 0.1887, ("5%", "10%")),
-    Specimen("liver_mor_4293.vtu", "0.035", "y < 15%", "z > 99.5%", "0.48", 38.96 * 0.035**3 * 1e3, ("1%", "2%")),
+    Specimen("liver_mor_4293.vtu", "0.035", "y < 15%", "z > 99.6%", "0.48", 38.96 * 0.035**3 * 1e3, ("1%", "2%")),
 ]
 
 
@@ -102,7 +102,7 @@ def test_the_cells_of_real_meshes_fit_together(shared: Path, file: str) -> None:
 
 
 def test_a_patch_is_reduced(model: Model) -> None:
-    assert 10 <= model.facts["positions"] <= 60
+    assert 5 <= model.facts["positions"] <= 60
     assert model.facts["terms"] == 34
     assert model.facts["file_bytes"] == model.path.stat().st_size
 
