@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import gc
 import struct
+import weakref
 from typing import Any
 
 import pytest
@@ -64,3 +66,40 @@ def test_a_comparison_appears_as_picture_and_table_and_a_check_as_its_table(orga
 
 def test_a_frame_is_drawn_like_a_state(organ: vs.Organ) -> None:
     assert isinstance(organ.stepper().frame({"tip": (None, None, 0.01)}).plot(), Figure)
+
+
+def test_a_closed_view_says_so(touch: vs.Touch) -> None:
+    pytest.importorskip("anywidget")
+    from IPython.core.interactiveshell import InteractiveShell
+    from IPython.utils.capture import capture_output
+
+    widget = touch.view("Beam")
+    widget.close()
+    InteractiveShell.instance()
+    try:
+        with capture_output() as cell:
+            widget._ipython_display_()
+    finally:
+        InteractiveShell.clear_instance()
+    assert [each.data for each in cell.outputs] == [
+        {"text/plain": "this view is closed; show the organ anew, with view()"}
+    ]
+    with pytest.raises(vs.VisceraError, match="this view is closed; show the organ anew"):
+        widget.touch((1, 0.05, 0.1), (0, 0, -0.01))
+    widget.release()
+    widget.close()
+
+
+@pytest.mark.parametrize("kind", ["touch", "state"])
+def test_a_closed_view_keeps_no_model(kind: str, organ: vs.Organ) -> None:
+    pytest.importorskip("anywidget")
+    make: dict[str, Any] = {
+        "touch": lambda: organ.reduce(lambda x: (x[:, 2] == 0.2) & (x[:, 0] > 0.9), depth=0.01, order=2),
+        "state": lambda: organ.solve(displacement={"tip": (None, None, 0.01)}),
+    }
+    thing = make[kind]()
+    widget, kept = thing.view("Beam"), weakref.ref(thing)
+    widget.close()
+    del thing
+    gc.collect()
+    assert kept() is None

@@ -199,10 +199,13 @@ def _widget_class() -> type:
 
         def _ipython_display_(self) -> None:
             """A picture, which stays in a saved notebook and hides beside the live view; then the view."""
+            notebook: Any = display
+            if self._played is CLOSED:
+                notebook.publish_display_data({"text/plain": GONE})
+                return
             data = base64.b64encode(self._played.picture()).decode()
             words = 'alt="The organ; run the cell to touch it"'
             image = f'<img data-viscera="{self.picture}" {words} width="{WIDTH}" src="data:image/png;base64,{data}">'
-            notebook: Any = display
             notebook.publish_display_data({"text/html": image, "text/plain": "a picture of the organ"})
             found: Any = self._repr_mimebundle_()
             view = found[0] if isinstance(found, tuple) else found
