@@ -22,8 +22,9 @@ AXES = ("x", "y", "z")
 def read_cloud(path: str | os.PathLike[str], units: str | float = "m") -> Floats:
     """Points (k, 3) [m] of a cloud: a CSV file with columns x, y, z, or the points of a PLY, OBJ or STL file.
 
-    units: of the file, "mm" for instance, or metres per unit. Points that several triangles share count once. Raises
-    `VisceraError` for a file that cannot be read, an unknown format, and a cloud without points.
+    units: of the file, "mm" for instance, or metres per unit. Points that several triangles share count once; so do
+    equal rows of a CSV file in a registration, which has a result for each. Raises `VisceraError` for a file that
+    cannot be read, an unknown format, and a cloud without points.
 
     >>> from pathlib import Path
     >>> _ = Path("seen.csv").write_text("x, y, z\\n10, 0, 5\\n11, 0, 5\\n")

@@ -41,7 +41,9 @@ class Observed:
     surface: Floats
     """Points (k, 3) on the organ's surface, nobody knows where on it."""
     weights: Floats
-    """(k,), 1 by default; a point of weight 0 does not count."""
+    """(k,), 1 by default; a point of weight 0 does not count. Of equal points one has the largest of their weights, and
+    the others 0: measured twice, a place has two errors, so equal points are copies of one measurement, and no more
+    evidence than it."""
     places: Floats
     """Places (l, 3) of the organ at rest that were found again: landmarks first, then points."""
     members: tuple[tuple[NDArray[np.int64], Floats], ...]
@@ -88,7 +90,7 @@ def observed(
 ) -> Observed:
     """Check what was measured; raises `VisceraError` with the place, the value and what to do."""
     cloud = np.empty((0, 3)) if surface is None else _places(surface, "surface")
-    share = np.ones(len(cloud)) if weights is None else _weights(weights, len(cloud))
+    share = _once(cloud, np.ones(len(cloud)) if weights is None else _weights(weights, len(cloud)))
     names, members, measured = _landmarks(mesh, landmarks or {})
     if points is not None:
         if not isinstance(points, tuple | list) or len(points) != 2:
@@ -120,7 +122,8 @@ def observed(
     counted = seen.counted()
     if 0 < len(counted.surface) < FEWEST and not seen.fixes_motion:
         without = len(cloud) - len(counted.surface)
-        beside = f", beside {without} of weight 0," if without else ""
+        repeated = " or repeated" if len(np.unique(cloud, axis=0)) < len(cloud) else ""
+        beside = f", beside {without} of weight 0{repeated}," if without else ""
         raise VisceraError(
             f"{len(counted.surface)} surface points{beside} are too few to find the organ by; give {FEWEST}, or three "
             "landmarks"
@@ -150,6 +153,15 @@ def _weights(values: ArrayLike, count: int) -> Floats:
     if given is None or given.shape != (count,) or not (np.isfinite(given) & (given >= 0.0)).all() or not given.any():
         raise refused("weights", f"{count} finite numbers from 0 on, one for each surface point, not all 0", values)
     return given
+
+
+def _once(cloud: Floats, weights: Floats) -> Floats:
+    """Weights (k,) of points (k, 3) with which equal points count once."""
+    heaviest = np.argsort(-weights, kind="stable")
+    first = heaviest[np.unique(cloud[heaviest], axis=0, return_index=True)[1]]
+    once = np.zeros(len(weights))
+    once[first] = weights[first]
+    return once
 
 
 def _landmarks(
