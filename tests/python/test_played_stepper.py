@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import warnings
 import weakref
 from typing import Any
 
@@ -261,3 +263,74 @@ def test_a_closed_view_lets_go_and_keeps_no_stepper(organ: vs.Organ) -> None:
     del stepper
     assert kept() is None, "without the collector of cycles"
     assert closed.model == b""
+
+
+def interrupted(stepper: vs.Stepper, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    """Ctrl-C comes in a frame, after so many others."""
+    frames, whole = itertools.count(), stepper.frame
+
+    def frame(**loads: Any) -> vs.Frame:
+        if next(frames) == after:
+            monkeypatch.undo()
+            raise KeyboardInterrupt
+        return whole(**loads)
+
+    monkeypatch.setattr(stepper, "frame", frame)
+
+
+@pytest.mark.parametrize("after", [0, 1])
+def test_widget_and_organ_agree_after_a_touch_that_was_interrupted(
+    organ: vs.Organ, monkeypatch: pytest.MonkeyPatch, after: int
+) -> None:
+    pytest.importorskip("anywidget")
+    stepper = organ.stepper(iterations=1)
+    widget = stepper.view("Bar")
+    interrupted(stepper, monkeypatch, after)
+    with pytest.raises(KeyboardInterrupt):
+        widget.touch(TOP, PUSH)
+    assert (stepper._hands, widget.point, widget.is_trusted) == ([], None, None)
+    widget.touch(TOP, PUSH)
+    force, number = widget.force, widget.asked["number"]
+    interrupted(stepper, monkeypatch, after)
+    with pytest.raises(KeyboardInterrupt):
+        widget.touch((0.2, 0.05, 0.1), (0.0, 0.0, 0.02))
+    assert (widget.point, widget.force, widget.is_trusted) == (list(TOP), force, False)
+    assert widget.asked == {**widget._told(), "number": number + 1}  # the page looks again
+    [held, _] = widget._played.held()["hands"]
+    assert held == {"point": list(TOP), "displacement": pytest.approx(PUSH)}
+    for _ in range(20):
+        last = frame(widget._played)
+    assert last[1:4] == pytest.approx(force, rel=1e-2, abs=1e-2 * np.linalg.norm(force))
+    interrupted(stepper, monkeypatch, after)
+    with pytest.raises(KeyboardInterrupt):
+        widget.release()
+    assert (stepper._hands, widget.point, widget.is_trusted) == ([], None, None)
+
+
+def test_a_warning_that_is_an_error_undoes_the_touch(organ: vs.Organ, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("anywidget")
+    monkeypatch.setattr("viscera.viewer.stepped.MOVING_FRAMES", 3)
+    stepper = organ.stepper(density=1000, time_step=1e-3, dynamics="backward_euler", iterations=10)
+    widget = stepper.view("Bar")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(UserWarning, match="still moves"):
+            widget.touch(TOP, PUSH)
+    assert (stepper._hands, widget.point) == ([], None)
+
+
+def test_the_page_hears_of_a_touch_whose_handler_fails(organ: vs.Organ, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("anywidget")
+    widget = organ.stepper(iterations=10).view("Bar")
+    page: dict[str, Any] = {}
+    monkeypatch.setattr(widget, "_send", lambda message, buffers=None: page.update(message["state"]))
+
+    def fails(change: Any) -> None:
+        raise RuntimeError("a handler's own")
+
+    widget.observe(fails, "point")
+    with pytest.raises(RuntimeError, match="a handler's own"):
+        widget.touch(TOP, PUSH)
+    assert widget.point == list(TOP)
+    assert page == {**widget._told(), "asked": widget.asked}
+    assert page["asked"]["force"] == widget.force

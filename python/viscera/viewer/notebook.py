@@ -21,6 +21,7 @@ Told = dict[str, Any]
 """A touch as the widget's traits hold it; each is None without a touch."""
 HEIGHT = Whole(1, 10_000)
 """Pixels."""
+UNTOUCHED: Told = {"point": None, "displacement": None, "force": None, "is_trusted": None}
 GONE = "this view is closed; show the organ anew, with view()"
 
 
@@ -172,21 +173,38 @@ def _widget_class() -> type:
 
         def touch(self, point: Lengths, displacement: Lengths) -> None:
             """Touch at a point and displace the contact, in metres or in words such as "(1, 2, 3) mm"."""
-            self._follow(self._played.answer(point, displacement))
+            try:
+                now = self._played.answer(point, displacement)
+            except VisceraError:  # refused: nothing has moved
+                raise
+            except BaseException:  # what was held is held again, and the organ is on its way back there
+                self._follow({**self._told(), "is_trusted": None if self.point is None else False})
+                raise
+            self._follow(now)
 
         def release(self) -> None:
             """Let go."""
-            self._played.release()
-            self._follow({"point": None, "displacement": None, "force": None, "is_trusted": None})
+            try:
+                self._played.release()
+            finally:  # interrupted: nobody holds the organ, which is on its way
+                self._follow(UNTOUCHED)
+
+        def _told(self) -> Told:
+            """The touch of now."""
+            return {name: getattr(self, name) for name in UNTOUCHED}
 
         def _follow(self, now: Told) -> None:
             # With Python's own answer: a page that shows another one, as of a lower order, tells it back.
             asked = {name: value for name, value in now.items() if value is not None}
-            # All at once: a handler of one sees the others as they belong to it.
-            with self.hold_trait_notifications():
-                for name, value in now.items():
-                    setattr(self, name, value)
-            self.asked = {"number": self.asked["number"] + 1, **asked}
+            try:
+                # All at once: a handler of one sees the others as they belong to it.
+                with self.hold_trait_notifications():
+                    for name, value in now.items():
+                        setattr(self, name, value)
+                    self.asked = {"number": self.asked["number"] + 1, **asked}
+            except BaseException:  # a handler's own, which keeps the page from hearing
+                self.send_state([*now, "asked"])
+                raise
 
         def _converse(self, _: Any, content: dict[str, Any], buffers: Any) -> None:
             # Every view of this widget hears every answer: it says whose it is.

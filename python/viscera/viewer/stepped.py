@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -95,21 +96,23 @@ class PlayedStepper:
         """Frames with the first hand at a point, displaced from rest, until they have settled and the organ is at rest.
 
         Raises `VisceraError` for a displacement longer than a hand reaches. It warns where an organ with inertia still
-        moves after the last frame, or tissue still relaxes; its force is not trusted.
+        moves after the last frame, or tissue still relaxes; its force is not trusted. Where it fails or is interrupted,
+        the hand holds what it held before.
         """
         place = point_of(point, self._organ.mesh, "contact point")
         push = offset(displacement, self._organ.mesh, "contact displacement")
         self._require_in_reach(push)
-        self._act(0, {"grab": place, "move": push})
+        with self._as_before():
+            self._act(0, {"grab": place, "move": push})
+            frame = self._settled()
+            if not self._rest.is_reached:
+                still, remedy = ("moves", "damping or a longer") if self._rest.moves else ("relaxes", "a longer")
+                warnings.warn(
+                    f"the organ still {still} after {MOVING_FRAMES} frames, so the force is not trusted; "
+                    f"give the stepper {remedy} time_step, or touch again to go on",
+                    stacklevel=3,
+                )
         self._holder.view = None
-        frame = self._settled()
-        if not self._rest.is_reached:
-            still, remedy = ("moves", "damping or a longer") if self._rest.moves else ("relaxes", "a longer")
-            warnings.warn(
-                f"the organ still {still} after {MOVING_FRAMES} frames, so the force is not trusted; "
-                f"give the stepper {remedy} time_step, or touch again to go on",
-                stacklevel=3,
-            )
         return told(place, push, self._force(frame, 0), is_sound(frame) and self._rest.is_reached)
 
     def release(self) -> None:
@@ -204,6 +207,20 @@ class PlayedStepper:
             if frame.is_settled and self._rest.is_reached:
                 break
         return frame
+
+    @contextmanager
+    def _as_before(self) -> Iterator[None]:
+        """Where the block fails or is interrupted, the first hand holds what it held, as far displaced."""
+        before = self._hands[0]
+        move = before and before.hand.displacement
+        try:
+            yield
+        except BaseException:
+            if self._hands[0] is not before:
+                self._act(0, {"release": True})
+                if before:
+                    self._act(0, {"grab": before.point, "move": move, "organ": before.organ})
+            raise
 
     def _act(self, index: int, gesture: Mapping[str, Any]) -> None:
         """A hand lets go, takes hold, moves, in this order; where it cannot take hold, it has not let go either."""
