@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import meshio
@@ -242,3 +242,46 @@ def test_obj_with_colours_and_polygons_is_read(tmp_path: Path) -> None:
     (tmp_path / "flat.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", encoding="utf-8")
     with pytest.raises(VisceraError, match=r"flat\.obj: its vertices have 2 coordinates; a surface needs three"):
         vs.mesh_surface(tmp_path / "flat.obj", edge=0.1)
+
+
+def obj(corners: Callable[[int], str], *, faces: str = "f", more: str = "") -> str:
+    """A box as OBJ; corners: what a face calls a vertex, counted from 0."""
+    vertices = [f"v {x:g} {y:g} {z:g}" for x, y, z in BOX.tolist()]
+    listed = [f"{faces} {' '.join(map(corners, face))}" for face in MIXED]
+    return "\n".join(["# by C:\\programs\\", *vertices, "g box", *listed, more, ""])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        obj(lambda k: f"{k - 8}"),
+        obj(lambda k: f"{k - 8}//-1", more="v 9 9 9"),
+        obj(lambda k: f"{k + 1}/7 \\\n"),
+        obj(lambda k: f"{k + 1}", faces="f \\\n").replace("\n", "\r\n"),
+        obj(lambda k: f"{k + 1}", more="# the end").replace("\nf", " # a face \\\nf"),
+    ],
+    ids=["relative", "relative before others", "continued", "continued with carriage returns", "comments"],
+)
+def test_faces_of_obj_may_count_back_and_go_on_in_the_next_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "box.obj").write_bytes(text.encode())
+    points, triangles, _ = surfacefile.read(tmp_path / "box.obj")
+    assert np.array_equal(points[:8], BOX)
+    corners = points[triangles]
+    assert len(triangles) == 12
+    assert np.linalg.det(corners).sum() / 6.0 == pytest.approx(1.0)  # the volume that the faces enclose
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (obj(lambda k: f"{k + 2}"), r"the face in line 12 names vertex 9, and there are 8; export it again"),
+        (obj(lambda k: f"{k}"), r"the face in line 11 names the vertex '0', with 8 before it; vertices are counted"),
+        (obj(lambda k: f"{k - 9}"), r"the face in line 11 names the vertex '-9', with 8 before it"),
+        (obj(lambda k: "a"), r"the face in line 11 names the vertex 'a'"),
+        ("v 0 0 0\nv 1 x 0\n", "damaged: it has 'x' where a number belongs"),
+    ],
+)
+def test_faces_of_obj_name_vertices_that_are_there(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "box.obj").write_text(text)
+    with pytest.raises(VisceraError, match=rf"box\.obj: .*{words}"):
+        surfacefile.read(tmp_path / "box.obj")

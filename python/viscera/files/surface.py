@@ -1,13 +1,14 @@
 """Reading surfaces from STL, OBJ and PLY files: points and triangles as they stand, in the units of the file.
 
-meshio reads OBJ. STL and PLY are read here: meshio never comes back from a PLY header that is cut, and knows neither
-`vertex_index`, 16-bit numbers nor colours of faces in binary PLY, nor STL in upper case.
+They are read here: meshio never comes back from a PLY header that is cut, and knows neither `vertex_index`, 16-bit
+numbers nor colours of faces in binary PLY, nor STL in upper case, nor relative vertices or continued lines in OBJ.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -72,11 +73,11 @@ def read(path: Path) -> tuple[Floats, Faces, str]:
     try:
         data = path.read_bytes()
         with np.errstate(invalid="ignore"):  # of damaged numbers, which are refused below
-            points, faces = _obj(path) if ending == ".obj" else {".stl": _stl, ".ply": _ply}[ending](data)
+            points, faces = {".stl": _stl, ".ply": _ply, ".obj": _obj}[ending](data)
         _refuse_not_finite(points, has_own_corners=ending == ".stl")
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
-    except (Exception, SystemExit) as error:  # the reader of meshio raises whatever its parser meets
+    except Exception as error:  # of a damaged file numpy raises whatever it meets
         raise VisceraError(f"{path}: not a readable {ending} file ({type(error).__name__}: {error})") from error
     stated = re.search(rb"SPACE=(RAS|LPS)", data[:1000])
     return points, faces, stated[1].decode() if stated else ""
@@ -90,17 +91,56 @@ def _refuse_not_finite(points: Floats, has_own_corners: bool) -> None:
         raise VisceraError(f"{where}, counted from 0, is {points[k].tolist()}; every coordinate must be finite")
 
 
-def _obj(path: Path) -> tuple[Floats, Faces]:
-    import meshio
+def _obj(data: bytes) -> tuple[Floats, Faces]:
+    """Vertices, whose colour some programs write behind their position, and faces: `v x y z`, `f a/texture/normal b c`.
 
-    found = meshio.obj.read(str(path))
-    points = np.asarray(found.points, dtype=np.float64)
-    if points.size and points.shape[1] < 3:
-        raise VisceraError(f"its vertices have {points.shape[1]} coordinates; a surface needs three")
-    kinds = ("triangle", "quad", "polygon")
-    # Some programs write the colour of a vertex behind its position.
-    places = points[:, :3] if points.size else points.reshape(0, 3)
-    return places, _fans([block.data for block in found.cells if block.type in kinds])
+    A corner is a vertex counted from 1, or one below zero, counted back from the last vertex before the face.
+    """
+    points: list[list[float]] = []
+    faces: list[list[int]] = []
+    places: list[int] = []
+    for number, words in _statements(data):
+        if words[0] == b"v":
+            points.append([_number(word) for word in words[1:4]])
+            if len(points[-1]) < 3:
+                raise VisceraError(f"its vertices have {len(points[-1])} coordinates; a surface needs three")
+        elif words[0] == b"f":
+            first, *others = [_corner(word, len(points), number) for word in words[1:]] or [0]
+            faces += [[first, *pair] for pair in pairwise(others)]
+            places += [number] * (len(faces) - len(places))
+    found = np.array(faces, dtype=np.int64).reshape(-1, 3)
+    beyond = np.flatnonzero((found >= len(points)).any(axis=1))
+    if len(beyond):
+        raise VisceraError(
+            f"damaged or cut short: the face in line {places[beyond[0]]} names vertex {found[beyond[0]].max() + 1}, "
+            f"and there are {len(points)}; export it again"
+        )
+    return np.array(points, dtype=np.float64).reshape(-1, 3), found
+
+
+def _statements(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
+    """The words of each line, without comments, and its number; a line that ends in a backslash goes on in the next."""
+    begun = b""
+    for number, line in enumerate([*data.splitlines(), b""], start=1):
+        text = begun + line.partition(b"#")[0].rstrip()
+        begun = text[:-1] + b" " if text.endswith(b"\\") else b""
+        if not begun and (words := text.split()):
+            yield number, words
+
+
+def _corner(word: bytes, count: int, line: int) -> int:
+    """The vertex, counted from 0, that a corner of a face names after so many vertices."""
+    said = word.partition(b"/")[0]
+    try:
+        number = int(said)
+    except ValueError:
+        number = 0
+    if number == 0 or number < -count:
+        raise VisceraError(
+            f"damaged: the face in line {line} names the vertex {brief(said.decode('latin-1'))}, with {count} before "
+            "it; vertices are counted from 1, or back from -1"
+        )
+    return number - 1 if number > 0 else count + number
 
 
 def _fans(polygons: list[NDArray[Any]]) -> Faces:
