@@ -283,7 +283,10 @@ def test_every_generation_of_febio_is_read(tmp_path: Path, version: str) -> None
     (tmp_path / "a.feb").write_text(text)
     found = vs.read(tmp_path / "a.feb")
     assert found.volume == pytest.approx(1e-3 / 6)
-    assert found.cell_sets == {}, "one part is no part"
+    parts = {name: cells.tolist() for name, cells in found.cell_sets.items()}
+    assert parts == ({"P": [0]} if "name" in FEBIO[version] else {}), "one part has its name"
+    vs.mesh(found.points, found.cells).write(tmp_path / "whole.feb")
+    assert not vs.read(tmp_path / "whole.feb").cell_sets, "what is written without parts has none"
     expected = {"1.2": {}, "2.5": {"fix": [0, 2]}, "4.0": {"fix": [0, 2], "load": [1, 2, 3]}}[version]
     assert {name: nodes.tolist() for name, nodes in found.sets.items()} == expected
 

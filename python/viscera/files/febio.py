@@ -21,6 +21,8 @@ KINDS = {
     "tri3": "triangle",
     "quad4": "quad",
 }
+WHOLE = "organ"
+"""The one part of a mesh that is written. A file's only part of this name is the mesh itself, and no set."""
 
 
 Arrays = dict[str, NDArray[Any]]
@@ -28,7 +30,7 @@ Arrays = dict[str, NDArray[Any]]
 
 def read(data: bytes) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
     """Points (n, 3) in the file's unit, node indices of the elements by kind (m, nodes of the kind), sets of nodes and
-    of tetrahedra: named parts where there are several, and element sets."""
+    of tetrahedra: named parts, and element sets."""
     root = ET.fromstring(data)
     mesh = root.find("Mesh") if root.find("Mesh") is not None else root.find("Geometry")
     if root.tag != "febio_spec" or mesh is None:
@@ -50,7 +52,7 @@ def read(data: bytes) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
                 place[int(element.get("id", -1))] = len(listed)
                 parts.setdefault(block.get("name", ""), []).append(len(listed))
             listed.append(_nodes(element, number))
-    cell_sets = {name: np.array(cells) for name, cells in parts.items() if name and len(parts) > 1}
+    cell_sets = {name: np.array(cells) for name, cells in parts.items() if name and [*parts] != [WHOLE]}
     for group in mesh.iter("ElementSet"):
         ids = _numbers(group, int) or [int(element.attrib["id"]) for element in group]
         cells = sorted({place[i] for i in ids if i in place})
@@ -74,7 +76,7 @@ def write(
     """The mesh as a FEBio 4 model without material or steps, numbered from 1."""
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<febio_spec version="4.0">', "<Mesh>", '<Nodes name="nodes">']
     lines += [f'<node id="{i}">{x!r},{y!r},{z!r}</node>' for i, (x, y, z) in enumerate(points.tolist(), start=1)]
-    lines += ["</Nodes>", '<Elements type="tet4" name="organ">']
+    lines += ["</Nodes>", f'<Elements type="tet4" name="{WHOLE}">']
     lines += [f'<elem id="{i}">{_joined(cell)}</elem>' for i, cell in enumerate((cells + 1).tolist(), start=1)]
     lines.append("</Elements>")
     for name, nodes in sets.items():
