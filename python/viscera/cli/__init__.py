@@ -7,6 +7,7 @@ Exit codes: 0 done; 1 did not converge, or a check failed; 2 bad input or a full
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -47,11 +48,21 @@ VERBS = (
 NEGATIVE_NUMBER = re.compile(r"-\d*[.,]?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 
+class _Misread(SystemExit):
+    """A command line that is wrong; what is wrong with it has been said."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(BAD_INPUT)
+        self.message = message
+
+
 class _Parser(argparse.ArgumentParser):
     """Like its parent, but the error of a wrong command line is one sentence, and help that nobody reads is none."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
+        message = f"{message}; see {self.prog} --help"
+        self._print_message(f"{self.prog}: {message}\n", sys.stderr)
+        raise _Misread(message)
 
     def _print_message(self, message: str, file: Any = None) -> None:
         put(message, is_error=file is not sys.stdout)
@@ -88,10 +99,15 @@ def _refused(verb: str, error: object) -> int:
 
 
 def _run(words: list[str]) -> int:
-    # argparse takes "-1e-3" for an option; a leading blank makes it the number it is.
-    args = command_line().parse_args([f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words])
-    output = Output(args.json, is_quiet=args.quiet)
     began = perf_counter()
+    # argparse takes "-1e-3" for an option; a leading blank makes it the number it is.
+    words = [f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words]
+    try:
+        args = command_line().parse_args(words)
+    except _Misread as error:
+        _tell_of(error, words, perf_counter() - began)
+        raise
+    output = Output(args.json, is_quiet=args.quiet)
     try:
         output.check()
     except VisceraError as error:
@@ -113,6 +129,18 @@ def _run(words: list[str]) -> int:
     except (ValueError, OSError) as error:
         return _refused(args.verb, error)
     return outcome.code
+
+
+def _tell_of(error: _Misread, words: list[str], seconds: float) -> None:
+    """The JSON of a command line that is wrong, where its words name a file for it that is no other one of theirs."""
+    finder = argparse.ArgumentParser(add_help=False, exit_on_error=False)
+    finder.add_argument("--json")
+    with suppress(argparse.ArgumentError, ValueError, OSError):  # what is wrong first has been said
+        found, others = finder.parse_known_args(words)
+        output = Output(found.json, is_quiet=True)
+        output.check()
+        output.spare(part for word in others for part in (word, word.partition("=")[2]) if os.path.isfile(part))
+        output.write(Outcome("bad input", BAD_INPUT, {"message": error.message}), seconds)
 
 
 def command_line() -> argparse.ArgumentParser:
