@@ -68,6 +68,22 @@ far, 1
     assert {name: cells.tolist() for name, cells in found.cell_sets.items()} == {"far": [1], "all": [0, 1]}
 
 
+def test_commas_within_quotes_are_of_the_label(tmp_path: Path) -> None:
+    text = """*NSET, NSET="left, side"
+1, 2
+*NSET, GENERATE , NSET="a = b,c"
+2, 3
+*NSET, NSET=both
+"left, side", "A = B,C", 4,
+*ELSET, ELSET="far, too"
+7
+"""
+    found = read(tmp_path, BOTH + text)
+    named = {name: nodes for name, nodes in sets(found).items() if name not in found.cell_sets}
+    assert named == {"left, side": [0, 1], "a = b,c": [1, 2], "both": [0, 1, 2, 3]}
+    assert found.cell_sets["far, too"].tolist() == [1]
+
+
 def test_capitals_do_not_count_in_labels(tmp_path: Path) -> None:
     text = f"""*NODE
 {NODES}{MORE}*ELEMENT, TYPE=C3D4, ELSET=Liver

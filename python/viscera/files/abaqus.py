@@ -42,7 +42,7 @@ class Line(NamedTuple):
     @property
     def words(self) -> list[str]:
         """What commas separate."""
-        return [word.strip() for word in self.text.split(",")]
+        return [word.strip() for word in _split(self.text)]
 
     @property
     def place(self) -> str:
@@ -273,8 +273,13 @@ def _with_its_file(keyword: Line, path: Path, within: tuple[Path, ...]) -> Itera
 
 
 def _parameters(line: str) -> dict[str, str]:
-    words = [word.partition("=") for word in line.split(",")[1:]]
+    words = [word.partition("=") for word in _split(line)[1:]]
     return {name.strip().upper(): value.strip().strip('"') for name, _, value in words}
+
+
+def _split(line: str) -> list[str]:
+    """What commas separate, other than those within quotes: these have an odd number of quotes behind them."""
+    return re.split(r',(?=(?:[^"]*"[^"]*")*[^"]*$)', line) if '"' in line else line.split(",")
 
 
 def _name(block: Block, parameter: str) -> str:
