@@ -291,6 +291,23 @@ def test_every_generation_of_febio_is_read(tmp_path: Path, version: str) -> None
     assert {name: nodes.tolist() for name, nodes in found.sets.items()} == expected
 
 
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ('<NodeSet name="fix">7, 8:10</NodeSet>', "<NodeSet name='fix'> holds '8:10', and only numbers are read there"),
+        ('<NodeSet name="fix">@surface:load</NodeSet>', "<NodeSet name='fix'> holds '@surface:load'"),
+        ('<ElementSet name="all">1:1:1</ElementSet>', "<ElementSet name='all'> holds '1:1:1'"),
+        ('<Surface name="load"><tri3 id="3">7,8,x</tri3></Surface>', "<tri3 id='3'> holds 'x'"),
+        ('<NodeSet name="fix">7, 99</NodeSet>', "<NodeSet name='fix'> names node 99, which is not in <Nodes>"),
+    ],
+)
+def test_a_febio_set_in_a_form_that_is_not_read_is_named(tmp_path: Path, more: str, words: str) -> None:
+    text = f'<febio_spec version="4.0">{FEBIO["4.0"].replace("</Mesh>", more + "</Mesh>")}</febio_spec>'
+    (tmp_path / "a.feb").write_text(text)
+    with pytest.raises(VisceraError, match=rf"a\.feb: {re.escape(words)}"):
+        vs.read(tmp_path / "a.feb")
+
+
 def test_parts_and_element_sets_of_ten_node_febio_cells_are_read(tmp_path: Path) -> None:
     ends = [[*pair] for pair in ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))]
     corners = np.array([*TET, [0.1, 0.1, 0.1]])

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
+from viscera.quantity import brief
 
 KINDS = {
     "tet4": "tetra",
@@ -92,7 +93,23 @@ def _joined(numbers: list[int]) -> str:
 
 
 def _numbers(element: ET.Element, kind: type) -> list[Any]:
-    return [kind(word) for word in re.split(r"[\s,]+", (element.text or "").strip()) if word]
+    """The numbers that an element's text lists."""
+    found = []
+    for word in filter(None, re.split(r"[\s,]+", element.text or "")):
+        try:
+            found.append(kind(word))
+        except ValueError:
+            raise VisceraError(
+                f"{_called(element)} holds {brief(word)}, and only numbers are read there, such as `1, 2, 3`: no "
+                "ranges, and no names of other sets; list each number"
+            ) from None
+    return found
+
+
+def _called(element: ET.Element) -> str:
+    """An element by its name, or by its number."""
+    key = "name" if "name" in element.attrib else "id"
+    return f"<{element.tag} {key}={element.get(key, '?')!r}>"
 
 
 def _nodes(element: ET.Element, number: dict[int, int]) -> list[int]:
@@ -102,6 +119,5 @@ def _nodes(element: ET.Element, number: dict[int, int]) -> list[int]:
         listed = [int(element.attrib["id"])]
     unknown = [i for i in listed if i not in number]
     if unknown:
-        place = f"<{element.tag} id={element.get('id', '?')!r}>"
-        raise VisceraError(f"{place} names node {unknown[0]}, which is not in <Nodes>")
+        raise VisceraError(f"{_called(element)} names node {unknown[0]}, which is not in <Nodes>")
     return [number[i] for i in listed]
