@@ -12,7 +12,7 @@ from tests.conftest import coarse_liver, front_of_liver
 
 import viscera as vs
 from viscera import _core
-from viscera.registration.causes import Causes, believed
+from viscera.registration.causes import Causes, Weighing
 from viscera.registration.equations import averaged
 from viscera.registration.forces import Forces
 from viscera.registration.registered import MODEL, SWUNG, band_of, wrong_by_model
@@ -281,7 +281,7 @@ def test_what_is_believed_is_the_mean_over_causes_by_their_evidence() -> None:
     prior = np.diag([0.0] * 6 + [20.0] * m + [1.0] * q)
     data = rows @ np.concatenate([rng.normal(size=6), 0.5 * kinds[0][:, 2, 0], np.zeros(q)])
     data = data + noise * rng.normal(size=30)
-    mean, covariance, _ = believed(rows.T @ rows / noise**2, rows.T @ data / noise**2, [prior], kinds, [size])
+    mean, covariance, _ = Weighing([prior], kinds, [size]).believed(rows.T @ rows / noise**2, rows.T @ data / noise**2)
 
     logs, means, covariances = [], [], []
     for extra, count in [

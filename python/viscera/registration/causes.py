@@ -109,58 +109,70 @@ class _Weighed:
     """Of b (c, k, k)."""
 
 
-def believed(
-    data: Floats, right: Floats, priors: list[Floats], kinds: list[Floats], sizes: list[float]
-) -> tuple[Floats, Floats, float]:
-    """Mean (p,) and covariance (p, p) of all unknowns, over causes and over sizes of the small forces; log evidence.
+class Weighing:
+    """All causes in all sizes, each kind and size as probable as another, to be weighed beside small forces."""
 
-    data (p, p), right (p,): the normal equations, in which the forces are the unknowns from 6 on; priors (p, p).
-    """
-    weighed = [part for prior in priors for part in _weighed(data + prior, right, prior, kinds, sizes)]
-    largest = max(float(part.log.max()) for part in weighed)
-    total = sum(float(np.exp(part.log - largest).sum()) for part in weighed)
-    means, covariance = [], np.zeros_like(data)
-    weights = []
-    for part in weighed:
-        weight = np.exp(part.log - largest) / total
-        kept = np.flatnonzero(weight > NEGLIGIBLE)
-        if not len(kept):
-            continue
-        weight = weight[kept]
-        m = part.moved.shape[0]
-        turned = np.tensordot(part.inverse[:, 6 : 6 + m], part.moved[:, kept], axes=1)
-        means.append(part.mean[:, None] + np.einsum("pck,ck->pc", turned, part.amplitudes[kept]))
-        weights.append(weight)
-        factors = np.einsum("pci,cij->pcj", turned, np.linalg.cholesky(part.covariances[kept]))
-        factors = (factors * np.sqrt(weight)[:, None]).reshape(len(data), -1)
-        covariance += weight.sum() * part.inverse + factors @ factors.T
-    every, weight = np.concatenate(means, axis=1), np.concatenate(weights)
-    weight = weight / weight.sum()
-    mean = every @ weight
-    apart = (every - mean[:, None]) * np.sqrt(weight)
-    return mean, covariance + apart @ apart.T, largest + float(np.log(total))
+    def __init__(self, priors: list[Floats], kinds: list[Floats], sizes: list[float]) -> None:
+        """priors (p, p): of all unknowns, in which the forces are those from 6 on, for sizes of the small forces."""
+        self.priors, self.kinds, self.sizes = priors, kinds, sizes
+        self.forces = slice(6, 6 + len(kinds[0]))
+        own = [prior[self.forces, self.forces] for prior in priors]
+        self.logs = [_log_determinant(prior) for prior in own]
+        self.moved = [[np.tensordot(prior, kind, axes=1) for kind in kinds] for prior in own]
+        """P D (m, c, k) by prior and kind."""
+
+    def believed(self, data: Floats, right: Floats) -> tuple[Floats, Floats, float]:
+        """Mean (p,) and covariance (p, p) of all unknowns, over causes and over sizes of small forces; log evidence.
+
+        data (p, p), right (p,): the normal equations.
+        """
+        weighed = [part for prior in range(len(self.priors)) for part in self._beside(prior, data, right)]
+        largest = max(float(part.log.max()) for part in weighed)
+        total = sum(float(np.exp(part.log - largest).sum()) for part in weighed)
+        means, covariance = [], np.zeros_like(data)
+        weights = []
+        for part in weighed:
+            weight = np.exp(part.log - largest) / total
+            kept = np.flatnonzero(weight > NEGLIGIBLE)
+            if not len(kept):
+                continue
+            weight = weight[kept]
+            turned = np.tensordot(part.inverse[:, self.forces], part.moved[:, kept], axes=1)
+            means.append(part.mean[:, None] + np.einsum("pck,ck->pc", turned, part.amplitudes[kept]))
+            weights.append(weight)
+            factors = np.einsum("pci,cij->pcj", turned, np.linalg.cholesky(part.covariances[kept]))
+            factors = (factors * np.sqrt(weight)[:, None]).reshape(len(data), -1)
+            covariance += weight.sum() * part.inverse + factors @ factors.T
+        every, weight = np.concatenate(means, axis=1), np.concatenate(weights)
+        weight = weight / weight.sum()
+        mean = every @ weight
+        apart = (every - mean[:, None]) * np.sqrt(weight)
+        return mean, covariance + apart @ apart.T, largest + float(np.log(total))
+
+    def _beside(self, prior: int, data: Floats, right: Floats) -> list[_Weighed]:
+        """With one prior: no cause, then all kinds of causes in all sizes."""
+        hessian = data + self.priors[prior]
+        scale = 1.0 / np.sqrt(np.diag(hessian))
+        scaled = hessian * scale[:, None] * scale
+        inverse = scale[:, None] * np.linalg.inv(scaled) * scale
+        mean, own = inverse @ right, inverse[self.forces, self.forces]
+        log = 0.5 * (right @ mean + self.logs[prior] - _log_determinant(scaled)) + np.log(scale).sum()
+        none = np.zeros((len(own), 1, 1))
+        found = [_Weighed(np.array([log]), mean, inverse, none, np.zeros((1, 1)), np.full((1, 1, 1), 1e-300))]
+        for kind, moved in zip(self.kinds, self.moved[prior], strict=True):
+            _, c, k = kind.shape
+            # D . (P - P H^-1 P) D
+            h = np.einsum("mci,mcj->cij", moved, kind - np.tensordot(own, moved, axes=1))
+            g = np.tensordot(mean[self.forces], moved, axes=1)
+            for size in self.sizes:
+                covariances = np.linalg.inv(h + np.eye(k) / size**2)
+                b = np.einsum("cij,cj->ci", covariances, g)
+                gain = 0.5 * ((g * b).sum(axis=1) - np.linalg.slogdet(np.eye(k) + size**2 * h)[1])
+                weight = log + gain - np.log(c * len(self.sizes))
+                found.append(_Weighed(weight, mean, inverse, moved, b, covariances))
+        return found
 
 
-def _weighed(hessian: Floats, right: Floats, prior: Floats, kinds: list[Floats], sizes: list[float]) -> list[_Weighed]:
-    """With one prior: no cause, then all kinds of causes in all sizes; each kind and size is as probable as another."""
-    forces = slice(6, 6 + len(kinds[0]))
-    scale = 1.0 / np.sqrt(np.diag(hessian))
-    scaled = hessian * scale[:, None] * scale
-    inverse = scale[:, None] * np.linalg.inv(scaled) * scale
-    mean, own = inverse @ right, prior[forces, forces]
-    log = 0.5 * (right @ mean + np.linalg.slogdet(own)[1] - np.linalg.slogdet(scaled)[1]) + np.log(scale).sum()
-    none = np.zeros((len(own), 1, 1))
-    found = [_Weighed(np.array([log]), mean, inverse, none, np.zeros((1, 1)), np.full((1, 1, 1), 1e-300))]
-    left, pull = own - own @ inverse[forces, forces] @ own, own @ mean[forces]
-    for kind in kinds:
-        m, c, k = kind.shape
-        columns = kind.reshape(m, -1)
-        h = np.einsum("mci,mcj->cij", kind, (left @ columns).reshape(m, c, k))
-        g = (pull @ columns).reshape(c, k)
-        moved = (own @ columns).reshape(m, c, k)
-        for size in sizes:
-            covariances = np.linalg.inv(h + np.eye(k) / size**2)
-            b = np.einsum("cij,cj->ci", covariances, g)
-            gain = 0.5 * ((g * b).sum(axis=1) - np.linalg.slogdet(np.eye(k) + size**2 * h)[1])
-            found.append(_Weighed(log + gain - np.log(c * len(sizes)), mean, inverse, moved, b, covariances))
-    return found
+def _log_determinant(matrix: Floats) -> float:
+    """Of a symmetric positive definite matrix."""
+    return 2.0 * float(np.log(np.diag(np.linalg.cholesky(matrix))).sum())

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from viscera.mesh import Floats
-from viscera.registration.causes import SIZES, SMALL, SMALL_VOLUME, Causes, believed
+from viscera.registration.causes import SIZES, SMALL, SMALL_VOLUME, Causes, Weighing
 from viscera.registration.equations import (
     CALMER,
     DOUBT,
@@ -140,10 +140,10 @@ class OneCause:
         equations, responses = self.equations, tangent.responses
         x = self.points + tangent.displacement
         known, motions = equations.n_known, equations.motions(responses, x)
-        kinds, scale = self.causes.at(x, responses), 2.0 * equations.seen.noise
+        weighing, scale = self._weighing(x, responses), 2.0 * equations.seen.noise
         self._place(at, tangent)
         for _ in range(RENEWED):
-            mean, covariance, scatter, _ = self._believed(at, tangent, kinds, scale)
+            mean, covariance, scatter, _ = self._believed(at, tangent, weighing, scale)
             at.covariance = covariance[:known, :known]
             largest = equations.advance(at, mean - equations.unknowns(at), motions)
             self._place(at, tangent)
@@ -156,8 +156,11 @@ class OneCause:
         at.length = float(np.linalg.norm(net) / np.linalg.norm(motions[:, :known] @ root))
         return self._shortened(at, tangent)
 
+    def _weighing(self, x: Floats, responses: Floats) -> Weighing:
+        return Weighing(self.priors, self.causes.at(x, responses), [size * self.size for size in SIZES])
+
     def _believed(
-        self, at: Iterate, tangent: Tangent, kinds: list[Floats], scale: float, *, is_faced: bool = False
+        self, at: Iterate, tangent: Tangent, weighing: Weighing, scale: float, *, is_faced: bool = False
     ) -> tuple[Floats, Floats, float, float]:
         """Mean (p,) and covariance (p, p) of all unknowns over the causes, scatter of the cloud [m], log evidence."""
         equations = self.equations
@@ -168,8 +171,7 @@ class OneCause:
         rows, residual, weight = map(np.concatenate, zip((rows, residual, weight), held, strict=True))
         whole = residual + rows @ equations.unknowns(at)
         data, right = (rows * weight[:, None]).T @ rows, rows.T @ (weight * whole)
-        sizes = [size * self.size for size in SIZES]
-        mean, covariance, log = believed(data, right, self.priors, kinds, sizes)
+        mean, covariance, log = weighing.believed(data, right)
         return mean, covariance, scatter, log - 0.5 * (float(weight @ whole**2) + missed)
 
     def tell(self, at: Iterate) -> None:
@@ -184,8 +186,8 @@ class OneCause:
     def _known(self, at: Iterate, tangent: Tangent, *, is_faced: bool) -> tuple[Floats, float]:
         """Covariance of rigid motion and forces, and the log evidence."""
         known, scale = self.equations.n_known, 2.0 * self.equations.seen.noise
-        kinds = self.causes.at(self.points + at.displacement, tangent.responses)
-        _, covariance, _, log = self._believed(at, tangent, kinds, scale, is_faced=is_faced)
+        weighing = self._weighing(self.points + at.displacement, tangent.responses)
+        _, covariance, _, log = self._believed(at, tangent, weighing, scale, is_faced=is_faced)
         return covariance[:known, :known], log
 
     def _place(self, at: Iterate, tangent: Tangent) -> None:
