@@ -409,8 +409,11 @@ LINE = np.outer(np.linspace(0.0, 0.2, 50), [1.0, 2.0, 0.5])
         ({"surface": np.random.default_rng(0).normal(size=(9, 3)) * 0.1}, "9 surface points are too few"),
         ({"surface": LINE}, "50 points, lies on one line or in one place, about which the organ may be turned"),
         ({"surface": LINE, "start": np.eye(4)}, "lies on one line or in one place"),
-        ({"surface": LINE[[0, -1]].repeat(25, axis=0)}, "lies on one line or in one place"),
-        ({"surface": np.zeros((50, 3))}, "lies on one line or in one place"),
+        (
+            {"surface": LINE[[0, -1]].repeat(25, axis=0)},
+            "2 surface points, beside 48 of weight 0 or repeated, are too few",
+        ),
+        ({"surface": np.zeros((50, 3))}, "1 surface points, beside 49 of weight 0 or repeated, are too few"),
         (
             {"surface": np.append(LINE, [[0.1, 0, 0]], axis=0), "weights": (np.arange(51) < 50).astype(float)},
             "lies on one line",
@@ -429,7 +432,11 @@ LINE = np.outer(np.linspace(0.0, 0.2, 50), [1.0, 2.0, 0.5])
             "noise of the surface points is 0.1 m",
         ),
         (
-            {"landmarks": {"tip": (0, 0, 0)}, "surface": [[0.1, 0, 0], [0, 0.1, 0]] * 25, "landmark_noise": 0.1},
+            {
+                "landmarks": {"tip": (0, 0, 0)},
+                "surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1,
+                "landmark_noise": 0.1,
+            },
             "noise of landmarks and points is 0.1 m and the organ",
         ),
         ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "weights": [1.0]}, "weights must be 50"),
