@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -114,3 +115,47 @@ def test_slices_that_are_not_neighbours_do_not_pass_for_them(tmp_path: Path, cap
         "images of the scan in which it was drawn lie between its slices at [10.0, 20.0, 42.0] and [10.0, 20.0, 33.0]"
     )
     assert [words in message for message in caplog.messages] == [True]
+
+
+def test_what_is_no_segmentation_is_told_apart(tmp_path: Path) -> None:
+    pydicom = pytest.importorskip("pydicom")
+    path = tmp_path / "liver.dcm"
+    voxels = np.zeros((4, 6, 8, 1), dtype=np.uint8)
+    voxels[1:3, 2:4, 5:7] = 1
+    segmentation(path, voxels)
+    whole = path.read_bytes()
+
+    def refused(words: str) -> None:
+        with pytest.raises(vs.VisceraError, match=rf"liver\.dcm: {words}") as caught:
+            vs.scan(path)
+        assert "force" not in str(caught.value), "no advice on a call that the user does not make"
+
+    path.write_bytes(b"hello")
+    refused("not a DICOM file: .*; export it anew")
+    path.write_bytes(whole[:-40])
+    refused("a DICOM segmentation that is damaged, or of a form that is not read .*; export it anew")
+    for kind, words in (("CTImageStorage", "is of the kind CT Image Storage"), (None, "does not say of which kind")):
+        path.write_bytes(whole)
+        data = pydicom.dcmread(path)
+        if kind is None:
+            del data.SOPClassUID
+        else:
+            data.SOPClassUID = getattr(pydicom.uid, kind)
+        data.save_as(path)
+        refused(f"a DICOM file, but no segmentation of voxels: it {words}.*; export the segmentation as DICOM SEG")
+
+
+def test_a_slice_that_is_there_twice_is_named(tmp_path: Path) -> None:
+    pydicom = pytest.importorskip("pydicom")
+    path = tmp_path / "liver.dcm"
+    voxels = np.zeros((4, 6, 8, 1), dtype=np.uint8)
+    voxels[1:3, 2:4, 5:7] = 1
+    segmentation(path, voxels)
+    data = pydicom.dcmread(path)
+    frames = data.PerFrameFunctionalGroupsSequence
+    frames[2].PlanePositionSequence = frames[1].PlanePositionSequence
+    data.save_as(path)
+    place = [float(x) for x in frames[1].PlanePositionSequence[0].ImagePositionPatient]
+    words = f"its frames 2 and 3 are both the slice at {place} mm; leave one of them out"
+    with pytest.raises(vs.VisceraError, match=re.escape(words)):
+        vs.scan(path)

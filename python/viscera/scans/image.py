@@ -70,6 +70,8 @@ def read_vectors(path: Path) -> tuple[Floats, Floats, str]:
     return vectors, affine, axes
 
 
+SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
+"""DICOM's classes of segmentations: of segments that may overlap, and of labels."""
 EMPTY = 2
 """Slices without labels that are put back at either end of a segmentation that left some out."""
 
@@ -78,6 +80,7 @@ def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, 
     """A DICOM segmentation: labels, affine map (3, 4) [m], axes, names of its segments, which may not overlap."""
     highdicom = _library("highdicom")
     try:
+        _require_segmentation(path)
         found = highdicom.seg.segread(path)
         names = {n: str(found.get_segment_description(n).segment_label) for n in found.segment_numbers}
         volume = _one_label_each(found, names)
@@ -85,13 +88,32 @@ def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, 
         raise
     except Exception as error:
         reason = " ".join(str(error).split())[-200:]
-        raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
+        raise VisceraError(
+            f"a DICOM segmentation that is damaged, or of a form that is not read ({reason}); export it anew, or as a "
+            "label map, such as .nii.gz"
+        ) from error
     array, affine = volume.array, MM * volume.affine[:3]
     if doubt := slices.doubt(found, volume.affine[:3]):
         log.warning("%s: %s", path, doubt)
     if len(slices.source_images(found)) > len(array):
         array, affine = _with_empty_ends(array, affine)
     return array, affine, "LPS", names
+
+
+def _require_segmentation(path: Path) -> None:
+    """Raises `VisceraError` for a file that is not of DICOM, or of DICOM and no segmentation of voxels."""
+    pydicom = _library("pydicom")
+    try:
+        head = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["SOPClassUID"])
+    except pydicom.errors.InvalidDicomError as error:
+        raise VisceraError("not a DICOM file: its bytes 128 to 131 are not 'DICM'; export it anew") from error
+    kind = getattr(head, "SOPClassUID", None)
+    if kind not in SEGMENTATIONS:
+        what = "does not say of which kind it is" if kind is None else f"is of the kind {kind.name}"
+        raise VisceraError(
+            f"a DICOM file, but no segmentation of voxels: it {what}; export the segmentation as DICOM SEG or as a "
+            "label map, such as .nii.gz"
+        )
 
 
 def _one_label_each(segmentation: Any, names: dict[int, str]) -> Any:
@@ -107,6 +129,8 @@ def _one_label_each(segmentation: Any, names: dict[int, str]) -> Any:
         ) from None
     except RuntimeError as error:  # left before the next question: what it holds on to locks the table of frames
         reason = str(error)
+    if twice := slices.twice(segmentation):
+        raise VisceraError(twice)
     shared = _overlaps(segmentation)
     if not shared:
         raise RuntimeError(reason)

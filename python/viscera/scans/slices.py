@@ -1,5 +1,5 @@
-"""Slices of a DICOM segmentation that are not in its file: those without labels may be left out, and those that the
-scan itself lacks look the same. The order of the images in which it was drawn tells them apart.
+"""Slices of a DICOM segmentation that are not in its file, or twice: those without labels may be left out, and those
+that the scan itself lacks look the same. The order of the images in which it was drawn tells them apart.
 
 DICOM PS3.3: Plane Position and Derivation Image (C.7.6.16.2), Common Instance Reference (C.12.2).
 """
@@ -51,6 +51,21 @@ def doubt(segmentation: Any, affine: Floats) -> str:
     else:  # the images are in another order: some are lacking if the gaps are more than the images without a slice
         short, count = np.flatnonzero(steps > 1), int((steps - 1).sum()) - (len(images) - len(stored))
     return _lacking([k for n in short for k in range(stored[n] + 1, stored[n + 1])], count, affine)
+
+
+def twice(segmentation: Any) -> str:
+    """Which frames hold the same slice of the same segment, in words; empty if none do."""
+    seen: dict[tuple[float, ...], int] = {}
+    for number, frame in enumerate(getattr(segmentation, "PerFrameFunctionalGroupsSequence", ()), start=1):
+        if "PlanePositionSequence" not in frame:
+            continue
+        place = [round(float(x), 3) for x in frame.PlanePositionSequence[0].ImagePositionPatient]
+        segments = [int(one.ReferencedSegmentNumber) for one in getattr(frame, "SegmentIdentificationSequence", ())]
+        first = seen.setdefault((*segments, *place), number)
+        if first != number:
+            of = f" of segment {segments[0]}" if segments else ""
+            return f"its frames {first} and {number} are both the slice{of} at {place} mm; leave one of them out"
+    return ""
 
 
 def _lacking(empty: list[int], count: int, affine: Floats) -> str:
