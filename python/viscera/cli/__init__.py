@@ -40,6 +40,7 @@ from viscera.cli import (
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, NO_READER, Outcome, Output, ReaderGone, put, standard_error
 from viscera.errors import VisceraError
 from viscera.files.atomic import NotWritten
+from viscera.output.backend import without_window
 
 VERBS = (
     demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, register, warp, study, bench, doctor,
@@ -114,7 +115,7 @@ def _run(words: list[str]) -> int:
         return _refused(args.verb, error)
     try:
         startup.handle_interrupts()
-        with interrupt.heard():
+        with interrupt.heard(), without_window():
             outcome: Outcome = args.run(args, output)
     except KeyboardInterrupt as stop:
         message = str(stop) or "interrupted; nothing was left half-written"

@@ -11,6 +11,9 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+from viscera.output import agg  # noqa: F401 - before matplotlib
+
+# isort: split
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg

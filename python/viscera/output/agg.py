@@ -1,0 +1,5 @@
+"""Import this before anything of matplotlib: it sees that MPLBACKEND does not keep matplotlib from being imported."""
+
+from viscera.output.backend import require
+
+require()
