@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ import pytest
 
 import viscera as vs
 from viscera import cli, doctor, gpu
+from viscera.cli.completion import FILES, is_file
 
 
 def answered(tmp_path: Path) -> tuple[int, dict[str, Any]]:
@@ -160,3 +162,23 @@ def test_the_citation_names_this_version() -> None:
     cited = yaml.safe_load(text)
     assert {"cff-version", "message", "title", "authors"} <= set(cited)
     assert cited["references"][0]["doi"] == "10.1002/nme.4531"
+
+
+NO_FILES = {
+    "AREA", "DEPTH", "DIR", "LENGTH", "MODEL", "N", "NAME", "NAME=NUMBER", "PA", "PLACE", "QUESTION", "SECONDS", "SET",
+    "STRAIN",
+}  # fmt: skip
+
+
+def test_completion_knows_of_every_word_whether_it_is_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    """A new one must be among the words for files, or among those above."""
+    (verbs,) = (each for each in cli.command_line()._actions if isinstance(each, argparse._SubParsersAction))
+    words = {action.metavar for verb in verbs.choices.values() for action in verb._actions}
+    words = {word for word in words if isinstance(word, str)}
+    assert {word for word in words if not is_file(word)} == NO_FILES
+    assert {each for word in words for each in word.split("|")} >= FILES
+    cli.main(["completion", "bash"])
+    script = capsys.readouterr().out
+    for option in ("warp___with", "warp__o", "warp___forward_field", "warp_pos_0", "register___shape", "register_pos_1",
+                   "view___export", "mesh_pos_0"):  # fmt: skip
+        assert f"_shtab_viscera_{option}_COMPGEN=_shtab_compgen_files" in script, option

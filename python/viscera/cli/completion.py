@@ -7,12 +7,13 @@ viscera completion zsh > ~/.zfunc/_viscera
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from viscera.cli.output import Outcome, Output, put
 
 SHELLS = ("bash", "zsh")
-FILES = ("FILE", "MESH", "CASE", "LABELS", "organ.viscera", "TEST.csv")
-"""What the words for files begin with; `DIR` is a folder."""
+FILES = {"FILE", "MESH", "LABELS", "SURFACE", "IMAGE", "CLOUD"}
+"""The words for files, beside those that have an ending; `DIR` is a folder."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +43,12 @@ def _mark_files(parser: argparse.ArgumentParser) -> None:
         if isinstance(action, argparse._SubParsersAction):
             for verb in action.choices.values():
                 _mark_files(verb)
-        elif isinstance(action.metavar, str) and action.metavar.startswith(FILES):
+        elif isinstance(action.metavar, str) and is_file(action.metavar):
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar == "DIR":
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+
+
+def is_file(word: str) -> bool:
+    """Whether a file may be given for this word, one of several that a bar parts: `organ.viscera|CASE.toml`."""
+    return any(each in FILES or Path(each).suffix for each in word.split("|"))
