@@ -111,6 +111,25 @@ def test_the_viewer_begins_at_a_value(folder: Path, monkeypatch: pytest.MonkeyPa
     assert vs.load(folder / "site" / page.MODEL).radius == 0.08
 
 
+def test_an_address_that_no_browser_is_given_is_printed_also_when_quiet(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], built: None
+) -> None:
+    """It is random, and nobody else knows it."""
+    served: list[str] = []
+    opened: list[str] = []
+    monkeypatch.setattr(Server, "run", lambda server: served.append(server.url))
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    words = ["view", str(folder / "bar.viscera"), "--quiet"]
+    assert main([*words, "--no-browser"]) == 0
+    assert capsys.readouterr().out == f"{served[-1]}\n"
+    assert main([*words, "--no-browser", "--json", "-"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == f"{served[-1]}\n"
+    assert json.loads(printed.out)["status"] == "closed"
+    assert main(words) == 0
+    assert capsys.readouterr().out == ""
+
+
 def test_a_case_has_no_value(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "case.toml").write_text(CASE)
     assert main(["view", str(folder / "case.toml"), "--no-browser", "--value", "3"]) == 2

@@ -19,7 +19,7 @@ from viscera import progress
 from viscera.cases.case import PLACED, Case
 from viscera.cases.scene_case import SceneCase, read_any
 from viscera.cli.options import add_value, model_at
-from viscera.cli.output import Outcome, Output
+from viscera.cli.output import Outcome, Output, put
 from viscera.errors import VisceraError
 from viscera.output.kind import CASE, MODEL, kind_of, require
 from viscera.reduced.touch import Touch
@@ -30,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", metavar="organ.viscera|CASE.toml")
     add_value(parser)
     parser.add_argument("--port", type=_port, help="port of the page's server on 127.0.0.1 (default: any free one)")
-    parser.add_argument("--no-browser", action="store_true", help="print the address without opening a browser")
+    parser.add_argument(
+        "--no-browser", action="store_true", help="print the address, also with --quiet, and open no browser"
+    )
     parser.add_argument(
         "--export",
         metavar="DIR|FILE.html",
@@ -127,6 +129,8 @@ def show(
     from viscera.viewer import serve, serve_live
 
     server = serve(shown, name, port) if isinstance(shown, Touch) else serve_live(shown, name, port)
+    if output.is_quiet and not opens_browser:  # nobody else knows the address, which is random
+        put(f"{server.url}\n", is_error=output.json_path == "-")
     output.say(f"{server.url}\nCtrl-C ends the viewer")
     if not isinstance(shown, Touch):
         _say_left_out(shown, output)
