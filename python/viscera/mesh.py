@@ -277,9 +277,10 @@ class Mesh(Pictured):
     def write(self, path: str | Path) -> None:
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
-        Node and cell sets are written too, except in `.mesh`, which cannot hold them: the log says so. `.vtu` also
-        holds the world axes, but not if the mesh `is_unloaded`. Midpoints are not written. Raises `VisceraError` if the
-        format cannot say a set's name, as `.inp` none with a comma, or cannot hold cell sets that overlap (`.msh`).
+        Node and cell sets are written too, except in `.mesh` and `.meshb`, which cannot hold them: the log says so.
+        `.vtu` also holds the world axes, but not if the mesh `is_unloaded`. Midpoints are not written. Raises
+        `VisceraError` if the format cannot say a set's name, as `.inp` none with a comma, or cannot hold cell sets that
+        overlap (`.msh`).
 
         >>> import viscera as vs
         >>> vs.organs.beam().write("beam.vtu")

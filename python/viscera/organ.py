@@ -225,7 +225,8 @@ class Organ(Statics, Reducible):
         """The organ fitted to measured points of it: a rigid motion, and a deformation under unknown forces.
 
         surface: measured points (k, 3) [m] on a part of the organ's surface, which may contain outliers.
-        weights: of these points (k,); by default 1. A point of weight 0 has no influence; its residual is told.
+        weights: of these points (k,); by default 1. A point of weight 0 has no influence; its residual is told. Equal
+            points count once, with the largest of their weights.
         landmarks: `{name: (x, y, z)}` [m]: measured position of the mean of a node set of the mesh.
         points: points (l, 3) [m] of the organ at rest, and their measured displacements (l, 3) [m].
         noise: standard deviation [m] of the surface points along each axis, also in words: "2 mm".
