@@ -110,6 +110,28 @@ def test_a_link_is_followed(tmp_path: Path) -> None:
         put(tmp_path / "round", "")
 
 
+def test_a_file_that_is_protected_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Root may write to every file; here nobody may whom the file itself does not let."""
+    may = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: may(path, mode) and bool(os.stat(path).st_mode & stat.S_IWUSR))
+    kept, link = tmp_path / "kept.json", tmp_path / "link.json"
+    kept.write_text("{}")
+    link.symlink_to(kept)
+    kept.chmod(0o444)
+    for path in (kept, link):
+        with pytest.raises(vs.VisceraError, match=rf"{path.name}: you may not write to it$"):
+            put(path, "new")
+        assert main(["inspect", "organ:beam", "--json", str(path)]) == 2
+        printed = capsys.readouterr()
+        assert (printed.out, printed.err) == ("", f"viscera inspect: {path}: you may not write to it\n")
+    assert kept.read_text() == "{}"
+    kept.chmod(0o644)
+    put(link, "new")
+    assert kept.read_text() == "new"
+
+
 @pytest.mark.parametrize("name", ["a.vtu", "a.vtk", "a.msh", "a.ply", "a.glb", "a.png", "a.viscera"])
 def test_what_does_not_fit_on_the_disk_is_named_and_the_old_file_stays(name: str, bar: vs.Mesh, tmp_path: Path) -> None:
     """Some writers raise an error of the system, NumPy one that has no number."""

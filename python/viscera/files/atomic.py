@@ -47,9 +47,11 @@ def writable(path: Name) -> Path:
         raise VisceraError(f"{target}: no file can be written there ({error.strerror})") from error
     if stat.S_ISDIR(mode):
         raise VisceraError(f"{target} is a folder; name a file in it")
-    if _is_in_place(target):
-        if not os.access(target, os.W_OK):
-            raise VisceraError(f"{target}: you may not write to it")
+    is_in_place = _is_in_place(target)
+    # A regular file, too, though renaming would replace it: who protects it means it to stay.
+    if (is_in_place or target.exists()) and not os.access(target, os.W_OK):
+        raise VisceraError(f"{target}: you may not write to it")
+    if is_in_place:
         return target
     folder = Path(_real(target)).parent
     if not folder.is_dir():
