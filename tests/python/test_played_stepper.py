@@ -250,6 +250,15 @@ def test_a_tool_that_comes_later_is_in_the_next_view_which_closes_the_earlier(or
     assert stepper.view("Bar") is second
 
 
+def test_a_page_that_begins_anew_reads_frames_without_the_tools_that_came_later(organ: vs.Organ) -> None:
+    stepper = organ.stepper(iterations=10)
+    shown = PlayedStepper(lambda: stepper, "Bar", again=lambda: begin_anew(stepper))
+    before = frame(shown, stress=True)
+    stepper.tool(vs.Sphere(0.03), position=(0.2, 0.05, 0.3))
+    assert len(frame(shown, laws=["NeoHookean"])) == len(before)
+    assert json.loads(shown.reply(""))["bodies"] == []
+
+
 def test_a_closed_view_lets_go_and_keeps_no_stepper(organ: vs.Organ) -> None:
     pytest.importorskip("anywidget")
     stepper = organ.stepper(iterations=10)

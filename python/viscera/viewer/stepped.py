@@ -160,7 +160,10 @@ class PlayedStepper:
     def _begin(self) -> None:
         """From rest, with nobody holding the organ."""
         self.let_go()
+        before, around = self._stepper, self._surroundings
         self._start(self._again())
+        if self._stepper is before:  # pages that are open know nothing of tools that it has got since
+            self._surroundings = around
 
     def _start(self, stepper: Stepper) -> None:
         """A stepper that no hand of the page holds; tools that it gets later are not shown."""
