@@ -157,6 +157,13 @@ class PlayedStepper:
         forces = [self._force(frame, k) for k in (0, 1)]
         return packed(self._surroundings, frame, forces, stress, is_at_rest=self._rest.is_reached)
 
+    def _start(self, stepper: Stepper) -> None:
+        """A stepper that no hand of the page holds; tools that it gets later are not shown."""
+        self._stepper = stepper
+        self._organ: Organ = self._stepper._organ
+        self._surroundings = Surroundings(self._organ, tuple(self._stepper._tools))
+        self._rest = Rest(self._stepper.velocity is not None, _memory(self._stepper))
+
     def _begin(self) -> None:
         """From rest, with nobody holding the organ."""
         self.let_go()
@@ -164,13 +171,6 @@ class PlayedStepper:
         self._start(self._again())
         if self._stepper is before:  # pages that are open know nothing of tools that it has got since
             self._surroundings = around
-
-    def _start(self, stepper: Stepper) -> None:
-        """A stepper that no hand of the page holds; tools that it gets later are not shown."""
-        self._stepper = stepper
-        self._organ: Organ = self._stepper._organ
-        self._surroundings = Surroundings(self._organ, tuple(self._stepper._tools))
-        self._rest = Rest(self._stepper.velocity is not None, _memory(self._stepper))
 
     def _follow(self, request: Mapping[str, Any], view: str) -> None:
         asked = self._holder.may_do(view, request)
