@@ -88,10 +88,11 @@ def draw(
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
     """The curves of several laws in the four deformations, shear from 0 to the largest elongation."""
+    from viscera.output.picture import INK, PAPER
+
+    # isort: split
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-
-    from viscera.output.picture import INK, PAPER
 
     check_picture(path)
     figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")

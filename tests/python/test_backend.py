@@ -45,3 +45,10 @@ def test_a_picture_leaves_the_windows_of_a_script_to_it(backend: str, used: str 
     printed = run(tmp_path, backend, "-c", PLOT).strip()
     assert used in (None, printed)
     assert (tmp_path / "rest.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "program", ["vs.NeoHookean(young=1e5, poisson=0.3).plot()", "from viscera.fitting import plot"], ids=["law", "fit"]
+)
+def test_curves_need_no_backend(program: str, tmp_path: Path) -> None:
+    run(tmp_path, "no_such_backend", "-c", f"import viscera as vs; {program}")
