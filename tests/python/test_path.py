@@ -51,6 +51,16 @@ def test_a_path_ends_where_newton_does(bar: vs.Mesh, parameter: str) -> None:
     assert error < 1e-5
 
 
+def test_a_path_goes_on_where_a_correction_would_turn_a_cell_inside_out() -> None:
+    """Under a load far beyond any use, corrections at the end of a long expansion leave the law's domain."""
+    beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    path = beam.path(force={"tip": (0.0, 0.0, -1.0)}, parameter="load", until=1e5, max_expansions=40)
+    load, displacement = path.curve(3)
+    assert load[-1] >= 1e5 * (1.0 - 1e-9), path.message
+    full = beam.solve(force={"tip": (0.0, 0.0, -load[-1])})
+    assert np.linalg.norm(displacement[-1] - full.displacement) < 1e-4 * np.linalg.norm(full.displacement)
+
+
 def test_paths_that_are_refused(bar: vs.Mesh) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
     with pytest.raises(vs.VisceraError, match="parameter 'time' is unknown; known: 'arc length', 'load'"):

@@ -8,6 +8,7 @@
 use super::correction::Corrected;
 use super::{Expansion, Follower};
 use crate::error::Error;
+use crate::linear::FactorError;
 use crate::number::norm;
 use crate::number::pade::{Pade, pade_range, taylor_range};
 
@@ -94,10 +95,11 @@ impl Follower<'_> {
         if end > self.settings.tolerance { end } else { end.max(rest(0.5 * range)) }
     }
 
-    /// Corrections of the state; none if they do not lead to equilibrium. A state that a switch has led astray may have no
-    /// tangent that can be factorised.
+    /// Corrections of the state; none if they do not lead to equilibrium. They may turn a cell inside out, and a state that a
+    /// switch has led astray may have no tangent that can be factorised.
     fn balance(&mut self, direction: &[f64], steps: usize) -> Result<Option<Corrected>, Error> {
         match self.correct(direction, steps) {
+            Err(Error::Factor(FactorError::NotFinite { .. })) => Ok(None),
             Err(Error::Factor(_)) if self.has_switch => Ok(None),
             corrected => corrected,
         }
