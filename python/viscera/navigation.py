@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from viscera import _core
+from viscera.boundary.loads import are_pairs, by_place, density_per_cell
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Number, Whole, refused
@@ -128,7 +129,7 @@ def unloaded(
     _require_loads(organ, loads)
     tolerance = Number(above=0, below=1)(tolerance, "tolerance")
     max_iterations = Whole(1, 100_000)(max_iterations, "max_iterations")
-    search = _Search(organ, dict(loads), tolerance, max_iterations)
+    search = _Search(organ, _of_scan(organ.mesh, loads), tolerance, max_iterations)
     began = perf_counter()
     reached, step, message = 0.0, 1.0, ""
     while reached < 1.0 and step >= SMALLEST_STEP:
@@ -231,6 +232,27 @@ def _scaled(loads: Mapping[str, Any], share: float) -> dict[str, Any]:
         return None if load is None else share * np.asarray(load, dtype=float)
 
     return {name: load if name == "density" else part(load) for name, load in loads.items()}
+
+
+def _of_scan(mesh: Mesh, loads: Mapping[str, Any]) -> dict[str, Any]:
+    """The loads by nodes and cells of the scan: in another shape, conditions such as "x > 99%" hold for others."""
+    found = dict(loads)
+    for name in ("force", "traction", "pressure"):
+        given = loads.get(name)
+        if isinstance(given, Mapping) or are_pairs(given):
+            found[name] = _by_nodes(mesh, by_place(given, name))
+    if loads.get("gravity") is not None:
+        found["density"] = density_per_cell(mesh, loads["density"])
+    return found
+
+
+def _by_nodes(mesh: Mesh, given: Mapping[Any, Any]) -> dict[Any, Floats]:
+    """The same loads by nodes; those of places with the same nodes add up."""
+    found: dict[Any, Floats] = {}
+    for where, load in given.items():
+        key = where if isinstance(where, _core.Patch) else tuple(mesh.nodes(where).tolist())
+        found[key] = np.asarray(load, dtype=float) + found.get(key, 0.0)
+    return found
 
 
 def _require_loads(organ: Organ, loads: Mapping[str, Any]) -> None:

@@ -182,7 +182,7 @@ class Organ(Statics, Reducible):
         """The organ free of the loads under which it was scanned: its mesh is taken as the loaded equilibrium.
 
         gravity, density, force, traction, pressure: loads during the scan, as in `solve`. Densities [kg/m^3], areas of
-            tractions and fibres are those of the unloaded organ.
+            tractions and fibres are those of the unloaded organ; places, such as "x > 99%", those of the scan.
         tolerance: largest distance of a corner of a cell between the scan and the unloaded organ under these loads
             again, in units of the bounding-box diagonal.
         max_iterations: iterations for one load step.

@@ -51,6 +51,36 @@ def test_forces_are_taken_off_too(bar: vs.Mesh) -> None:
     assert np.abs(rest.organ.mesh.points - bar.points).max() < 1e-8 * bar.diagonal
 
 
+@pytest.mark.parametrize(
+    ("by_condition", "by_nodes"),
+    [
+        ({"force": {"x > 99%": (0.0, 0.0, -6.0)}}, {"force": {"tip": (0.0, 0.0, -6.0)}}),
+        ({"force": [("tip", (0.0, 0.0, -2.0)), ("x > 99%", (0.0, 0.0, -4.0))]}, {"force": {"tip": (0.0, 0.0, -6.0)}}),
+        ({"traction": {"z > 99%": (0.0, 0.0, -300.0)}}, {"traction": {"top": (0.0, 0.0, -300.0)}}),
+        ({"pressure": {"z > 99%": 300.0}}, {"pressure": {"top": 300.0}}),
+    ],
+    ids=["force", "pairs", "traction", "pressure"],
+)
+def test_conditions_of_loads_are_asked_of_the_scan(
+    bar: vs.Mesh, by_condition: dict[str, Any], by_nodes: dict[str, Any]
+) -> None:
+    """Without its loads the bar is bent the other way: a condition holds for other nodes there."""
+    mesh = vs.mesh(bar.points, bar.cells, {**bar.sets, "top": bar.nodes("z > 99%")})
+    organ = vs.Organ(mesh, vs.NeoHookean(young=2e5, poisson=0.4), fixed="root")
+    found, exact = (organ.unloaded(**loads, throw=True).organ.mesh.points for loads in (by_condition, by_nodes))
+    assert np.abs(exact - mesh.points).max() > 0.01 * mesh.diagonal
+    assert np.abs(found - exact).max() < 1e-8 * mesh.diagonal
+
+
+def test_places_of_a_density_are_those_of_the_scan(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=2e5, poisson=0.4), fixed="root")
+    by_place = {"x < 50%": 500.0, "x > 49%": 1500.0}
+    by_cell = np.full(len(bar.cells), 500.0)
+    by_cell[bar.cells_in("x > 49%")] = 1500.0
+    found, exact = (organ.unloaded(gravity=DOWN, density=given, throw=True) for given in (by_place, by_cell))
+    assert np.abs(found.organ.mesh.points - exact.organ.mesh.points).max() < 1e-8 * bar.diagonal
+
+
 def test_an_inner_pressure_is_taken_off() -> None:
     """An artery is imaged under blood pressure, which follows its wall as it deforms."""
     artery = vs.Organ(vs.organs.artery(), vs.NeoHookean(young=1e6, poisson=0.4), fixed=lambda x: x[:, 2] < 1e-4)
