@@ -388,7 +388,7 @@ class Placed:
 
     def is_same(self, other: object) -> bool:
         """Whether it is this support, bond or contact pair."""
-        return other is self.origin or (isinstance(self.origin, Tied) and self.origin.is_same(other))
+        return other is self or other is self.origin or (isinstance(self.origin, Tied) and self.origin.is_same(other))
 
 
 def _checked(organs: Mapping[str, Organ]) -> dict[str, Organ]:

@@ -293,6 +293,7 @@ def test_a_block_lies_on_another_in_solves_and_frames(element: str, solver: str)
     assert state.force(pair)[2] == pytest.approx(-weight, rel=1e-5)
     (bed,) = scene.organ("lower").supports
     assert state.support_force(bed)[2] == pytest.approx(2.0 * weight, rel=1e-5)
+    assert state.support_force(scene.supports[0]).tolist() == state.support_force(bed).tolist()
     assert -1e-3 * SIDE < state.contact(pair).gap < 0.0
     stepper = scene.stepper(held(scene), iterations=40, settled=1e-7, density=1000.0, solver=solver)
     for _ in range(5):

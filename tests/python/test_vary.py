@@ -177,6 +177,9 @@ def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
     assert ogden.parameters[0, 3] == 3.0, "an exponent is no stress"
     with pytest.raises(vs.VisceraError, match="MooneyRivlin is not made from a Poisson's ratio"):
         law_at(changed, "poisson", 0.4, cells, 192)
+    by_place = vs.laws.Several(bar, {"x < 50%": vs.NeoHookean(young=1e3, poisson=0.3), "x > 49%": changed})
+    with pytest.raises(vs.VisceraError, match="the Poisson's ratio of an organ with laws by place cannot vary"):
+        law_at(by_place, "poisson", 0.4, cells, 192)
     organ = vs.Organ(bar, vs.Yeoh(c10=500.0, poisson=0.4), fixed="root")
     told = (
         "Yeoh .* keeps coefficients .* even where it was given one; vary its young, or take .*: Linear, .* NeoHookean"

@@ -14,7 +14,7 @@ import numpy as np
 
 from viscera import defaults
 from viscera.errors import VisceraError
-from viscera.law import OF_TWO_MODULI, Law, TwoModuli, from_core
+from viscera.law import OF_TWO_MODULI, Law, Several, TwoModuli, from_core
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.quantity import Choice, Number, Whole, refused
 from viscera.select import POSITIVE, length, size
@@ -230,6 +230,11 @@ def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law
     inside = cells if len(cells) else np.arange(len(everywhere))
     changed = from_core(law.name, everywhere[inside])
     if name == "poisson":
+        if isinstance(law, Several):
+            raise VisceraError(
+                "the Poisson's ratio of an organ with laws by place cannot vary; vary its young, or give it one law with "
+                "a value of each parameter per cell"
+            )
         if not isinstance(law, TwoModuli):
             raise VisceraError(
                 f"{type(law).__name__} is not made from a Poisson's ratio alone, but keeps coefficients [Pa] and a "
