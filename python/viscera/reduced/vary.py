@@ -232,8 +232,8 @@ def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law
     if name == "poisson":
         if isinstance(law, Several):
             raise VisceraError(
-                "the Poisson's ratio of an organ with laws by place cannot vary; vary its young, or give it one law with "
-                "a value of each parameter per cell"
+                "the Poisson's ratio of an organ with laws by place cannot vary; vary its young, or give it one law "
+                "with a value of each parameter per cell"
             )
         if not isinstance(law, TwoModuli):
             raise VisceraError(
