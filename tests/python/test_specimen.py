@@ -123,3 +123,33 @@ def test_bad_specimens_are_refused(options: dict[str, Any], sentence: str) -> No
 def test_a_cylinder_has_a_size(size: float) -> None:
     with pytest.raises(vs.VisceraError, match="it must be positive"):
         vs.SpecimenTest.cylinder(size, 0.03, [-0.001, -0.002], [-1, -2])
+
+
+def softening() -> vs.SpecimenTest:
+    """A curve that no law without a negative coefficient follows."""
+    test = measured(vs.NeoHookean(mu=1e3, lam=499e3))
+    return vs.SpecimenTest.cylinder(
+        RADIUS, HEIGHT, TRAVEL, test.stress * test.area * (1.0 - 3.0 * (TRAVEL / HEIGHT) ** 2), bricks=BRICKS
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "terms", "bound"),
+    [("ArrudaBoyce", None, {"lambda_m": 20.0}), ("Fung", None, {"b": 0.001}), ("Yeoh", 3, {"c30": 0.0})],
+)
+def test_a_parameter_of_a_specimen_is_on_its_bound_and_marked(
+    name: str, terms: int | None, bound: dict[str, float]
+) -> None:
+    found = vs.fit(name, softening(), terms=terms)
+    assert found.at_bound == tuple(bound)
+    for parameter, value in bound.items():
+        assert found.parameters[parameter] == pytest.approx(value, rel=1e-9, abs=0.0)
+        assert found.intervals[parameter] is None
+
+
+def test_a_term_on_its_bound_leaves_the_fit_without_it() -> None:
+    """Yeoh's law of two terms is that of three with `c30 = 0`."""
+    test = softening()
+    two, three = (vs.fit(vs.Yeoh, test, terms=terms) for terms in (2, 3))
+    assert three.sse == pytest.approx(two.sse, rel=1e-8)  # as far as the derivatives are known
+    assert three.parameters["c20"] == pytest.approx(two.parameters["c20"], rel=1e-6)

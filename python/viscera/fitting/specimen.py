@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
+from viscera.fitting.descent import least
 from viscera.fitting.materialtest import MaterialTest
 from viscera.fitting.optional import scipy
 from viscera.fitting.problem import FAILED, N_SEARCHES, Problem
@@ -228,20 +229,10 @@ class SpecimenProblem(Problem):
         return np.concatenate([max(factor, SMALLEST) * values[:n], values[n:]])
 
     def _search(self, start: Floats) -> tuple[float, Floats]:
-        """Half the squared error at a minimum, and the values there."""
-        n = len(self.kind.coefficients)
-        scale = np.concatenate([np.full(n, np.abs(start[:n]).max()), np.maximum(np.abs(start[n:]), 1.0)])
-        low, high = np.array([*self.kind.coefficient_bounds, *self.kind.exponent_bounds]).T / scale
-        run = scipy("optimize").least_squares(
-            lambda z: self._residual(z * scale)[0],
-            np.clip(start / scale, low + 1e-9, high - 1e-9),
-            jac=lambda z: self._residual(z * scale)[1] * scale,
-            bounds=(low, high),
-            xtol=1e-10,
-            ftol=1e-14,
-            max_nfev=60,
-        )
-        return float(run.cost), np.asarray(run.x * scale)
+        """The squared error at a minimum, and the values there."""
+        low, high = np.array([*self.kind.coefficient_bounds, *self.kind.exponent_bounds]).T
+        values = least(self._residual, start, low, high)
+        return float(np.square(self._residual(values)[0]).sum()), values
 
     def _residual(self, values: Floats) -> tuple[Floats, Floats]:
         """Weighted errors [largest stress] and their derivatives, of a trial."""
