@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.fitting import specimen
 from viscera.fitting.families import family
 from viscera.fitting.problem import Problem
 from viscera.fitting.specimen import SpecimenProblem, cylinder
@@ -153,3 +154,37 @@ def test_a_term_on_its_bound_leaves_the_fit_without_it() -> None:
     two, three = (vs.fit(vs.Yeoh, test, terms=terms) for terms in (2, 3))
     assert three.sse == pytest.approx(two.sse, rel=1e-8)  # as far as the derivatives are known
     assert three.parameters["c20"] == pytest.approx(two.parameters["c20"], rel=1e-6)
+
+
+@pytest.mark.parametrize("coefficients", [(-100.0, 700.0), (700.0, -150.0)])
+def test_one_coefficient_of_a_stuck_cylinder_may_be_negative(coefficients: tuple[float, float]) -> None:
+    bulk = 4.0 / 3.0 * sum(coefficients) * 1.45 / 0.1
+    test = measured(vs.MooneyRivlin(*coefficients, kappa=bulk, volumetric="J-1"))
+    found = vs.fit(vs.MooneyRivlin, test, poisson=0.45)
+    # As far as the spline gives the points between the solved positions.
+    np.testing.assert_allclose(list(found.parameters.values()), coefficients, rtol=1e-4)
+    assert found.at_bound == ()
+    assert found.intervals["c1"] is not None
+
+
+def test_no_coefficient_is_negative_where_the_best_sum_would_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A curve that hardly resists at first, and stiffens more the further it is pulled than the law can."""
+    monkeypatch.setattr(specimen, "N_SOLVED", 4)  # quick; the curve is no law's
+    travel = -2.0 * TRAVEL
+    force = 4e4 * (travel / HEIGHT) ** 3 * np.pi * RADIUS**2
+    found = vs.fit(vs.MooneyRivlin, vs.SpecimenTest.cylinder(RADIUS, HEIGHT, travel, force, bricks=BRICKS))
+    assert found.at_bound == ("c2",)
+
+
+def test_the_search_beyond_the_bounds_comes_back_from_laws_without_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
+    curve, solved = softening(), vs.SpecimenTest._solved
+
+    def failing(test: vs.SpecimenTest, organ: vs.Organ, travel: float, start: Any) -> Any:
+        if organ.law.parameters[0].min() < 0.0:
+            raise vs.VisceraError("no equilibrium")
+        return solved(test, organ, travel, start)
+
+    monkeypatch.setattr(vs.SpecimenTest, "_solved", failing)
+    found = vs.fit(vs.MooneyRivlin, curve)
+    assert found.at_bound == ("c2",)
+    assert found.parameters["c2"] == 0.0

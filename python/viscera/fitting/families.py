@@ -56,8 +56,8 @@ class Family:
     of_products: bool = False
     """Whether the coefficients of a fit are the products of the law's own with its exponents: of Ogden's `mu_p alpha_p`
     the stress is a smooth function of the exponents, also where they change their sign."""
-    admits: Callable[[Floats], bool] = lambda coefficients: False
-    """Whether the law takes the best coefficients although they lie beyond their bounds."""
+    admits: Callable[[Floats], bool] | None = None
+    """Whether the law takes the best coefficients although they lie beyond their bounds; of none, it never does."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -84,7 +84,7 @@ class Problem:
         A = weighted / size
         low, high = np.array(self.kind.coefficient_bounds).T
         found = np.linalg.lstsq(A, self._weighted_target, rcond=None)[0] / size
-        if ((found > low) & (found < high)).all() or self.kind.admits(found):
+        if ((found > low) & (found < high)).all() or (self.kind.admits is not None and self.kind.admits(found)):
             return np.asarray(found)
         bounded = scipy("optimize").lsq_linear(
             A, self._weighted_target, (low * size, high * size), method="bvls", tol=1e-14

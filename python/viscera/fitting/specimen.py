@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.fitting.descent import least
+from viscera.fitting.descent import NO_ERROR, least
 from viscera.fitting.materialtest import MaterialTest
 from viscera.fitting.optional import scipy
 from viscera.fitting.problem import FAILED, N_SEARCHES, Problem
@@ -33,6 +33,8 @@ BESIDE = 1e-4
 """Part of its travel by which the plate is moved for `du/dd`."""
 PASSES = 1e-3
 """Part of the length by which a node may be beyond the plane of an end."""
+FLAT = 1e-3
+"""Part of the squared error that a step from a minimum may still promise."""
 SMALLEST = 1e-3
 """Factor of the coefficients of a start, at least."""
 
@@ -213,7 +215,10 @@ class SpecimenProblem(Problem):
         """Values fitted to the curves as if all states were homogeneous."""
         plain = tuple(MaterialTest(test.mode, test.stretch, test.stress, test.name) for test in self.tests)
         alike = Problem(self.kind, plain, self.roots, self.poisson, True)
-        yield alike.best()
+        best = alike.best()
+        yield best
+        if self.kind.admits is not None:  # it may have no equilibrium beyond its bounds
+            yield np.clip(best, *self._bounds)
         if self.kind.exponents:
             for exponents in map(np.array, self.kind.starts):
                 yield np.concatenate([alike.coefficients(exponents), exponents])
@@ -230,9 +235,31 @@ class SpecimenProblem(Problem):
 
     def _search(self, start: Floats) -> tuple[float, Floats]:
         """The squared error at a minimum, and the values there."""
-        low, high = np.array([*self.kind.coefficient_bounds, *self.kind.exponent_bounds]).T
-        values = least(self._residual, start, low, high)
+        values = self._beyond_bounds(start)
+        if values is None:
+            values = least(self._residual, start, *self._bounds)
         return float(np.square(self._residual(values)[0]).sum()), values
+
+    def _beyond_bounds(self, start: Floats) -> Floats | None:
+        """A minimum at which coefficients may be beyond their bounds, if the law takes them.
+
+        None where the search ends beside laws that are refused or have no equilibrium: there it still goes down.
+        """
+        if self.kind.admits is None:
+            return None
+        open_end = np.where(np.arange(len(start)) < len(self.kind.coefficients), np.inf, 0.0)
+        low, high = self._bounds
+        values = least(self._residual, start, low - open_end, high + open_end)
+        error, derivatives = self._residual(values)
+        rest = error - derivatives @ np.linalg.lstsq(derivatives, error, rcond=None)[0]
+        is_least = derivatives.any() and float(error @ error) <= (1.0 + FLAT) * float(rest @ rest) + NO_ERROR
+        return values if is_least and self.kind.admits(self.split(values)[0]) else None
+
+    @property
+    def _bounds(self) -> tuple[Floats, Floats]:
+        """The least and the largest of all values (p,)."""
+        low, high = np.array([*self.kind.coefficient_bounds, *self.kind.exponent_bounds]).T
+        return low, high
 
     def _residual(self, values: Floats) -> tuple[Floats, Floats]:
         """Weighted errors [largest stress] and their derivatives, of a trial."""
