@@ -52,6 +52,8 @@ NAMED = re.compile(r"\s*(?P<name>[a-z]+)\s*(_\s*(?P<unit>.*?)|[(\[]\s*(?P<bracke
 """The name of a column, and its unit."""
 DOWNWARD = ("compression", "load")
 """Columns that count positive in compression."""
+ROUNDING = 1e-9
+"""Strain by which a point may be beyond --up-to: that of the stretch 1.1, 1.1 - 1, is 0.1 + 8e-17 in floating point."""
 CANDIDATES = (
     ("NeoHookean", 1),
     ("MooneyRivlin", 1),
@@ -217,7 +219,7 @@ def _up_to(
         return parameter, measured
     if not largest > 0.0:
         raise VisceraError(f"--up-to is {largest:g}; it must be a positive strain, such as 0.35")
-    near = np.abs(parameter - at_rest) <= largest * length
+    near = np.abs(parameter - at_rest) <= (largest + ROUNDING) * length
     return parameter[near], measured[near]
 
 
