@@ -93,7 +93,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 
 def test_a_shear_test_leaves_a_law_out_of_the_ranking(tmp_path: Path) -> None:
     shear = np.linspace(0.05, 0.5, 10)
-    write_curve(tmp_path / "a.csv", "stretch,stress", shear, 1000.0 * shear + np.cos(20.0 * shear))
+    write_curve(tmp_path / "a.csv", "shear,stress", shear, 1000.0 * shear + np.cos(20.0 * shear))
     assert main(["fit", str(tmp_path / "a.csv"), "--mode", "simple shear", "--json", str(tmp_path / "r.json")]) == 0
     assert "do not tell c1 and c2 of MooneyRivlin apart" in json.loads((tmp_path / "r.json").read_text())["left_out"][0]
 

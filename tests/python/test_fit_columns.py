@@ -80,7 +80,7 @@ def test_forces_and_lengths_may_be_in_micro(tmp_path: Path, micro: str) -> None:
     assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["shear", "Shear [-]", "stretch"])
+@pytest.mark.parametrize("name", ["shear", "Shear [-]"])
 def test_a_curve_of_simple_shear_has_a_column_of_shear(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
@@ -95,6 +95,30 @@ def test_a_curve_of_simple_shear_has_a_column_of_shear(
     write_curve(tmp_path / "a.csv", "angle,stress", shear, shear)
     assert main([*words, "--mode", "simple shear"]) == 2
     assert "it has angle, stress. Give shear and stress, or displacement" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("mode", "given", "missed"),
+    [("simple shear", "stretch", "shear"), ("uniaxial", "shear", "stretch"), ("pure shear", "shear", "stretch")],
+)
+def test_a_stretch_is_no_amount_of_shear(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], mode: str, given: str, missed: str
+) -> None:
+    write_curve(tmp_path / "a.csv", f"{given},stress", STRETCH, STRETCH)
+    assert main(["fit", str(tmp_path / "a.csv"), "--mode", mode]) == 2
+    assert f"no column '{missed}'; it has {given}, stress. Give {missed} and stress" in capsys.readouterr().err
+
+
+def test_a_column_of_stress_beside_displacement_and_force_is_ignored(tmp_path: Path) -> None:
+    path, squeezed = tmp_path / "a.csv", np.linspace(0.6, 0.99, 12)
+    moved, force = 0.03 * (squeezed - 1.0), 0.1 * (squeezed - squeezed**-2)
+    np.savetxt(
+        path, np.column_stack([moved, force, force]), delimiter=",", header="displacement,force,stress", comments=""
+    )
+    words = ["--length", "30 mm", "--area", "1 cm2", "--law", "NeoHookean", "--json", str(tmp_path / "r.json")]
+    assert main(["fit", str(path), *words]) == 0
+    (found,) = json.loads((tmp_path / "r.json").read_text())["fits"]
+    assert found["parameters"]["mu"] == pytest.approx(1000.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "-Infinity", "1e999"])

@@ -185,7 +185,7 @@ def _test(path: Path, columns: Columns, name: str, args: argparse.Namespace) -> 
     if args.stuck and (args.mode != "uniaxial" or driven):
         raise VisceraError("--stuck takes uniaxial curves of displacement and force, with --length and --diameter")
     if driven:
-        stretch, stress = (_column(path, columns, column, kind.parameter) for column in (driven, "stress"))
+        stretch, stress = (_column(path, columns, column, kind.parameter) for column in (kind.parameter, "stress"))
         return MaterialTest(args.mode, *_up_to(args.up_to, stretch, stress, kind.at_rest, 1.0), name)
     displacement, force = _first(columns, "displacement", "compression"), _first(columns, "force", "load")
     moved, pulled = (_column(path, columns, column, kind.parameter) for column in (displacement, force))
@@ -223,9 +223,14 @@ def _up_to(
     return parameter[near], measured[near]
 
 
-def _of_stretch(columns: Columns, mode: str) -> str | None:
-    """The column that holds the parameter of a deformation: `stretch`, of simple shear `shear` before that."""
-    return next((name for name in (MODES[mode].parameter, "stretch") if _find(columns, name)), None)
+def _of_stretch(columns: Columns, mode: str) -> bool:
+    """Whether a curve is of the parameter of its deformation and stress: it has the one, or needs it for the other.
+
+    A stretch is no amount of shear: 1 is rest for the one, and 45 degrees for the other.
+    """
+    if _find(columns, MODES[mode].parameter):
+        return True
+    return bool(_find(columns, "stress")) and not any(_find(columns, name) for name in ("displacement", "compression"))
 
 
 def _find(columns: Columns, name: str) -> list[str]:
