@@ -215,6 +215,23 @@ def test_each_cell_answers_with_its_own_parameters() -> None:
         law.stress(F, cell=2)
     with pytest.raises(vs.VisceraError, match=r"shape \(k, 3, 3\), got \(3, 3\)"):
         law.stress(np.eye(3))
+    assert law.stress(F, cell=np.int32(1)).tolist() == law.stress(F, cell=1).tolist()
+
+
+@pytest.mark.parametrize("young", [1e3, [1e3, 2e3]], ids=["one row", "a row per cell"])
+@pytest.mark.parametrize("cell", [1.5, 0.0, "a", None, True, -1, [0], float("nan"), 2**40])
+def test_what_is_no_number_of_a_cell_is_refused(young: Any, cell: Any) -> None:
+    law = vs.NeoHookean(young=young, poisson=0.3)
+    for ask in (law.energy, law.stress, law.tangent):
+        with pytest.raises(vs.VisceraError, match="the cell must be a whole number from 0 to"):
+            ask(F, cell)
+    with pytest.raises(vs.VisceraError, match="the cell must be a whole number from 0 to"):
+        law.curve("uniaxial", cell=cell)
+
+
+def test_a_law_with_one_row_has_it_for_every_cell() -> None:
+    law = vs.NeoHookean(young=1e3, poisson=0.3)
+    assert law.energy(F, cell=5).tolist() == law.energy(F).tolist()
 
 
 @pytest.mark.parametrize("law", ALL, ids=lambda law: law.name)

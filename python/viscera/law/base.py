@@ -12,13 +12,15 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.immutable import Immutable
 from viscera.mesh import Floats
-from viscera.quantity import numbers_of, refused
+from viscera.quantity import Whole, numbers_of, refused
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROWS: dict[str, dict[str, Any]] = {row["name"]: row for row in _core.laws()}
 """What the core knows of each law, by its name there: parameters with meaning, kind, unit, bounds and default."""
+CELL = Whole(0, 2**32 - 1)
+"""Number of a cell; the core counts them in 32 bits."""
 
 
 class Law(Immutable):
@@ -154,10 +156,11 @@ class Law(Immutable):
         return draw([self, *others], stretch=stretch, cell=cell, path=path)
 
     def _of_cell(self, cell: int) -> _core.Law:
-        rows = len(self.parameters)
-        if rows > 1 and not 0 <= cell < rows:
-            raise VisceraError(f"cell {cell} has no parameters: the law is given for cells 0 to {rows - 1}")
-        row = cell if rows > 1 else 0
+        """The law of one cell; a law with one row has it for every cell, so that it is drawn beside one with many."""
+        number, rows = CELL(cell, "the cell"), len(self.parameters)
+        if rows > 1 and number >= rows:
+            raise VisceraError(f"cell {number} has no parameters: the law is given for cells 0 to {rows - 1}")
+        row = number if rows > 1 else 0
         return _core.Law(self.name, np.ascontiguousarray(self.parameters[row : row + 1]))
 
 
