@@ -264,27 +264,6 @@ def test_a_part_without_points_is_refused(tmp_path: Path, capsys: pytest.Capture
     assert "at least two points, got 0" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("header", "at", "words"),
-    [
-        ("stretch,stress", [0.9, 0.95, 1.02, 1.1, 1.1001], ["--up-to", "0.1"]),
-        (
-            "displacement_mm,force",
-            [-10.5, -2.0, 2.0, 10.5, 10.501],
-            ["--up-to", "0.35", "--length", "30 mm", "--area", "1 cm2"],
-        ),
-    ],
-)
-def test_a_point_at_the_end_of_the_part_belongs_to_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], header: str, at: list[float], words: list[str]
-) -> None:
-    """1.1 - 1 is above 0.1 by rounding, and 10.5e-3 above 0.35 * 30e-3."""
-    rest = 1.0 if header.startswith("stretch") else 0.0
-    write_curve(tmp_path / "a.csv", header, np.array(at), np.array(at) - rest)
-    assert main(["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", *words]) == 0
-    assert ", 4 points," in capsys.readouterr().out
-
-
 def test_the_verb_ranks_the_laws_that_a_short_test_determines(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -143,3 +143,24 @@ def test_a_fit_without_scipy_says_what_to_install(
     assert capsys.readouterr().err == f"viscera fit: {sentence}\n"
     told = json.loads((tmp_path / "told.json").read_text())
     assert (told["status"], told["message"]) == ("bad input", sentence)
+
+
+@pytest.mark.parametrize(
+    ("header", "at", "words"),
+    [
+        ("stretch,stress", [0.9, 0.95, 1.02, 1.1, 1.1001], ["--up-to", "0.1"]),
+        (
+            "displacement_mm,force",
+            [-10.5, -2.0, 2.0, 10.5, 10.501],
+            ["--up-to", "0.35", "--length", "30 mm", "--area", "1 cm2"],
+        ),
+    ],
+)
+def test_a_point_at_the_end_of_the_part_belongs_to_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], header: str, at: list[float], words: list[str]
+) -> None:
+    """1.1 - 1 is above 0.1 by rounding, and 10.5e-3 above 0.35 * 30e-3."""
+    rest = 1.0 if header.startswith("stretch") else 0.0
+    write_curve(tmp_path / "a.csv", header, np.array(at), np.array(at) - rest)
+    assert main(["fit", str(tmp_path / "a.csv"), "--law", "NeoHookean", *words]) == 0
+    assert ", 4 points," in capsys.readouterr().out
