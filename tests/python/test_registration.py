@@ -395,6 +395,7 @@ def test_a_swing_without_deformation_counts_less_than_a_deformation() -> None:
 
 
 LINE = np.outer(np.linspace(0.0, 0.2, 50), [1.0, 2.0, 0.5])
+CLOUD = np.random.default_rng(0).normal(size=(50, 3)) * 0.1
 """Points on a line, as long as the organ."""
 
 
@@ -425,23 +426,16 @@ LINE = np.outer(np.linspace(0.0, 0.2, 50), [1.0, 2.0, 0.5])
         ({"points": ([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]] * 2)}, "1 places but 2 displacements"),
         ({"points": ([[40.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]])}, "outside the organ's box"),
         ({"points": [1.0, 2.0, 3.0]}, "points must be a pair"),
-        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": 0.0}, "noise must be a number"),
-        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": "2 mN"}, "noise"),
+        ({"surface": CLOUD, "noise": 0.0}, "noise must be a number"),
+        ({"surface": CLOUD, "noise": "2 mN"}, "noise"),
+        ({"surface": CLOUD, "noise": 0.1}, "noise of the surface points is 0.1 m"),
         (
-            {"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": 0.1},
-            "noise of the surface points is 0.1 m",
-        ),
-        (
-            {
-                "landmarks": {"tip": (0, 0, 0)},
-                "surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1,
-                "landmark_noise": 0.1,
-            },
+            {"landmarks": {"tip": (0, 0, 0)}, "surface": CLOUD, "landmark_noise": 0.1},
             "noise of landmarks and points is 0.1 m and the organ",
         ),
-        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "weights": [1.0]}, "weights must be 50"),
-        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "start": 2 * np.eye(4)}, "no rigid motion"),
-        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "visible": "nowhere"}, "nowhere"),
+        ({"surface": CLOUD, "weights": [1.0]}, "weights must be 50"),
+        ({"surface": CLOUD, "start": 2 * np.eye(4)}, "no rigid motion"),
+        ({"surface": CLOUD, "visible": "nowhere"}, "nowhere"),
     ],
 )
 def test_what_cannot_be_used_is_refused(organ: vs.Organ, given: dict[str, Any], words: str) -> None:
