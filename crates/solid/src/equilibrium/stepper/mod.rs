@@ -322,9 +322,13 @@ impl Stepper {
     /// The same without the forces `Wᵀ F` of the patches' tools [N]: what holds nodes themselves.
     pub fn supports(&self) -> Vec<f64> {
         let mut supports: Vec<f64> = self.reactions().collect();
-        let rows = mean_rows(&self.patches).into_iter();
-        let rows = rows.chain(self.turning.iter().flat_map(|turning| turning.rows.clone()));
-        for (row, force) in rows.zip(&self.forces) {
+        for (patch, force) in self.patches.iter().zip(self.forces.chunks_exact(3)) {
+            for (&node, w) in patch.nodes.iter().zip(&patch.weights) {
+                (0..3).for_each(|i| supports[3 * node as usize + i] -= w * force[i]);
+            }
+        }
+        let rows = self.turning.iter().flat_map(|turning| &turning.rows);
+        for (row, force) in rows.zip(self.forces.iter().skip(3 * self.patches.len())) {
             row.iter().for_each(|&(dof, w)| supports[dof as usize] -= w * force);
         }
         supports
