@@ -106,7 +106,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     named = zip(args.curves, _names(args.curves), strict=True)
     tables = [(Path(path), read_columns(path), name) for path, name in named]
     tests = [_test(*table, args) for table in tables]
-    if all(_of_stretch(columns, args.mode) for _, columns, _ in tables):
+    if all(_is_of_parameter(columns, args.mode) for _, columns, _ in tables):
         _refuse_of_specimen(args)
     with bar(output.is_quiet) as progress:
         fits, left_out = _ranked(tests, args, progress)
@@ -181,7 +181,7 @@ def _refuse_of_specimen(args: argparse.Namespace) -> None:
 
 
 def _test(path: Path, columns: Columns, name: str, args: argparse.Namespace) -> MaterialTest:
-    kind, driven = MODES[args.mode], _of_stretch(columns, args.mode)
+    kind, driven = MODES[args.mode], _is_of_parameter(columns, args.mode)
     if args.stuck and (args.mode != "uniaxial" or driven):
         raise VisceraError("--stuck takes uniaxial curves of displacement and force, with --length and --diameter")
     if driven:
@@ -223,7 +223,7 @@ def _up_to(
     return parameter[near], measured[near]
 
 
-def _of_stretch(columns: Columns, mode: str) -> bool:
+def _is_of_parameter(columns: Columns, mode: str) -> bool:
     """Whether a curve is of the parameter of its deformation and stress: it has the one, or needs it for the other.
 
     A stretch is no amount of shear: 1 is rest for the one, and 45 degrees for the other.

@@ -278,8 +278,9 @@ def _parameters(line: str) -> dict[str, str]:
 
 
 def _split(line: str) -> list[str]:
-    """What commas separate, other than those within quotes: these have an odd number of quotes behind them."""
-    return re.split(r',(?=(?:[^"]*"[^"]*")*[^"]*$)', line) if '"' in line else line.split(",")
+    """What commas separate, other than those within quotes: between every other two quotes."""
+    pieces = [piece if k % 2 else piece.replace(",", "\n") for k, piece in enumerate(line.split('"'))]
+    return '"'.join(pieces).split("\n")
 
 
 def _name(block: Block, parameter: str) -> str:

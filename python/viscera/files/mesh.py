@@ -49,8 +49,6 @@ STRAIGHT = 1e-3
 """How far a midpoint may be off the middle of its edge, in edge lengths: the rounding of single precision."""
 WITHOUT_SETS = (".mesh", ".meshb")
 """Formats into which no sets are written."""
-WITHOUT_SETS = (".mesh", ".meshb")
-"""Formats into which no sets are written."""
 UNSAID = {".inp": ',="', ".msh": '"\\'}
 """Letters that end a name in these formats."""
 VTK_SAFE = "".join(letter for letter in map(chr, range(33, 127)) if letter not in '"%')

@@ -94,7 +94,7 @@ def _refuse_not_finite(points: Floats, has_own_corners: bool) -> None:
 def _obj(data: bytes) -> tuple[Floats, Faces]:
     """Vertices, whose colour some programs write behind their position, and faces: `v x y z`, `f a/texture/normal b c`.
 
-    A corner is a vertex counted from 1, or one below zero, counted back from the last vertex before the face.
+    A corner is the number of a vertex, counted from 1; a negative one counts back from the last vertex before the face.
     """
     points: list[list[float]] = []
     faces: list[list[int]] = []

@@ -42,8 +42,7 @@ class Observed:
     """Points (k, 3) on the organ's surface, nobody knows where on it."""
     weights: Floats
     """(k,), 1 by default; a point of weight 0 does not count. Of equal points one has the largest of their weights, and
-    the others 0: measured twice, a place has two errors, so equal points are copies of one measurement, and no more
-    evidence than it."""
+    the others 0: two measurements of a place differ by their errors, so equal points are copies of one measurement."""
     places: Floats
     """Places (l, 3) of the organ at rest that were found again: landmarks first, then points."""
     members: tuple[tuple[NDArray[np.int64], Floats], ...]

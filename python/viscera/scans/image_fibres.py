@@ -24,10 +24,10 @@ def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, 
     """Fibre directions per cell (2, m, 3), two families, from one or two vector images (both families from one).
 
     images: files, or pairs of vectors (i, j, k, 3) and affine map (3, 4) [m]. Their components are along the world
-    axes, in a NRRD file along those of its `space` or its `measurement frame`, and are turned to those of the mesh. At
-    a centroid the direction is the principal one of `sum w v v^T` over the eight voxels around it, w being trilinear
-    weights: v and -v are the same fibre. Raises `VisceraError` if a cell
-    lies outside the image, where no direction is given around it, and for a mesh without the loads of its scan.
+    axes, in a NRRD file along the axes of its `space` or its `measurement frame`; they are turned to the axes of the
+    mesh. At a centroid the direction is the principal one of `sum w v v^T` over the eight voxels around it, w being
+    trilinear weights: v and -v are the same fibre. Raises `VisceraError` if a cell lies outside the image, where no
+    direction is given around it, and for a mesh without the loads of its scan.
 
     >>> import numpy as np
     >>> import viscera as vs
