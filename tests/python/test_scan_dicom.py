@@ -117,12 +117,17 @@ def test_slices_that_are_not_neighbours_do_not_pass_for_them(tmp_path: Path, cap
     assert [words in message for message in caplog.messages] == [True]
 
 
-def test_what_is_no_segmentation_is_told_apart(tmp_path: Path) -> None:
-    pydicom = pytest.importorskip("pydicom")
-    path = tmp_path / "liver.dcm"
+def drawn(path: Path) -> Path:
+    """A file with two slices of one segment."""
     voxels = np.zeros((4, 6, 8, 1), dtype=np.uint8)
     voxels[1:3, 2:4, 5:7] = 1
     segmentation(path, voxels)
+    return path
+
+
+def test_what_is_no_segmentation_is_told_apart(tmp_path: Path) -> None:
+    pydicom = pytest.importorskip("pydicom")
+    path = drawn(tmp_path / "liver.dcm")
     whole = path.read_bytes()
 
     def refused(words: str) -> None:
@@ -147,10 +152,7 @@ def test_what_is_no_segmentation_is_told_apart(tmp_path: Path) -> None:
 
 def test_a_slice_that_is_there_twice_is_named(tmp_path: Path) -> None:
     pydicom = pytest.importorskip("pydicom")
-    path = tmp_path / "liver.dcm"
-    voxels = np.zeros((4, 6, 8, 1), dtype=np.uint8)
-    voxels[1:3, 2:4, 5:7] = 1
-    segmentation(path, voxels)
+    path = drawn(tmp_path / "liver.dcm")
     data = pydicom.dcmread(path)
     frames = data.PerFrameFunctionalGroupsSequence
     frames[2].PlanePositionSequence = frames[1].PlanePositionSequence
