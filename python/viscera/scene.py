@@ -89,6 +89,9 @@ class Scene(Organ):
         self.contacts: Final[tuple[ContactPair, ...]] = _origins(given_contacts)
         """The contact pairs."""
         bodies = _list_of(bodies, "bodies", "tools and shapes, such as [Tool(HalfSpace())]")
+        for body in bodies:
+            if not isinstance(body, Tool | AnyShape):
+                raise refused("a body of a scene", "a Tool or a shape; contact pairs are named in contacts", body)
         first = next(iter(self.organs.values()))
         self._meshes = {name: organ.mesh for name, organ in self.organs.items()}
         self._numbers = numbers_of(self._meshes)
@@ -364,7 +367,7 @@ def _origins(given: tuple[Any, ...]) -> Any:
     return tuple(each.origin if isinstance(each, Placed) else each for each in given)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Placed:
     """A support, a bond or a contact pair in the numbering of a scene."""
 
@@ -372,6 +375,9 @@ class Placed:
     found: Ties
     pieces: Pieces | None = None
     """Those of a bond."""
+
+    def __repr__(self) -> str:
+        return repr(self.origin)
 
     def ties(self, mesh: Mesh) -> Ties:
         """Its samples."""

@@ -185,6 +185,8 @@ def test_what_acts_is_named_once() -> None:
     for each in (table, plate):
         with pytest.raises(vs.VisceraError, match="is a body of the scene, which acts in every solve; leave it out"):
             scene.solve(contact=[each])
+    with pytest.raises(vs.VisceraError, match="a body of a scene must be a Tool or a shape; contact pairs are"):
+        vs.Scene(organs, [pair])  # type: ignore[list-item]
     other = vs.Tool(plate, position=(0, 0, -0.5))
     assert scene.solve(contact=[other]).contact(other).touching == 0
     with pytest.raises(vs.VisceraError, match="is in this stepper already"):

@@ -47,8 +47,8 @@ class Frame(Deformed, Pictured):
     """Residual: out-of-balance force at the end of the frame, relative to all nodal forces."""
     is_settled: bool
     """Whether its forces can be relied on: the residual is at most the stepper's `settled`, the hands are where they
-    were told to be, no cell is at a bound, no tool is inside the organ (`contact(tool).is_inside`), and with inertia
-    the last step was not cut back."""
+    were told to be, no cell is at a bound, no tool is inside the organ and no organ in or behind another that it may
+    touch (`contact(...).is_inside`), and with inertia the last step was not cut back."""
     steps: int
     """Newton iterations done."""
     cells_at_bound: int
@@ -107,10 +107,12 @@ class Frame(Deformed, Pictured):
         return f"Frame(residual {self.residual:.1e}, taken {self.taken:.3g}, {said})"
 
     def _entered(self) -> str:
-        """Which tools are inside the organ; empty if none is."""
+        """Which tools are inside the organ, and which organs went through each other; empty if none did."""
         inside = [f"the {tool!r}" for tool, contact in self._contacts if contact.is_inside]
         verb = "is" if len(inside) == 1 else "are"
-        return f"{' and '.join(inside)} {verb} inside the organ" if inside else ""
+        said = [f"{' and '.join(inside)} {verb} inside the organ"] if inside else []
+        said += [f"surfaces of {pair!r} went through each other" for pair, met in self._pairs if met.is_inside]
+        return ", ".join(said)
 
     def _at_bound(self) -> str:
         """How many cells are at a bound of their volume, and which is farthest from its own; empty if none is."""

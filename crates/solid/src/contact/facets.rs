@@ -1,5 +1,6 @@
 //! The gap between a point and a surface of triangles that moves, with its derivatives by the point and by the corners.
 
+use super::entry::Way;
 use crate::body::SelfContact;
 use crate::mesh::{
     Closest, Sphere, TriangleTree, closest_point_on_triangle, cross, dot, norm, sub,
@@ -82,6 +83,11 @@ impl Facets {
         &self.triangles
     }
 
+    /// The triangles around a corner; none if it is of another surface.
+    pub fn around(&self, corner: u32) -> &[u32] {
+        self.around.get(&corner).map_or(&[], Vec::as_slice)
+    }
+
     /// The surface with its corners at these points.
     pub fn at<'a>(&'a self, points: &'a [[f64; 3]]) -> Placed<'a> {
         let size = self.around.keys().map(|&node| norm(points[node as usize])).fold(0.0, f64::max);
@@ -123,6 +129,19 @@ impl Placed<'_> {
         }
         let gap = closest.distance.copysign(dot(offset, outward));
         Some(Gap { gap, normal: offset.map(|w| w / gap), triangle, weights, slopes })
+    }
+
+    /// The triangle that looks towards the point of a gap most, of those that share the closest point.
+    pub fn facing(&self, gap: &Gap) -> usize {
+        let nodes = self.facets.triangles[gap.triangle];
+        let on: Vec<u32> = (0..3).filter(|&i| gap.weights[i] > 0.0).map(|i| nodes[i]).collect();
+        let around = self.facets.around(on[0]).iter().map(|&triangle| triangle as usize);
+        let shares = |triangle: &usize| {
+            on.iter().all(|node| self.facets.triangles[*triangle].contains(node))
+        };
+        let towards = |triangle: usize| dot(self.normal(triangle), gap.normal);
+        let best = around.filter(shares).max_by(|&a, &b| towards(a).total_cmp(&towards(b)));
+        best.unwrap_or(gap.triangle)
     }
 
     /// The gap of a point behind a triangle: on its inner side, at most `reach` away, and with its projection on it.
@@ -175,11 +194,50 @@ impl Placed<'_> {
         Closest { triangle, barycentric, point, distance: norm(sub(x, point)) }
     }
 
+    /// How much of a straight way lies behind the surface [m]: from where it comes in, or from its start, to where it goes out,
+    /// or to its end. None of a way that does not cross the surface.
+    pub fn behind_along(&self, way: Way) -> f64 {
+        let all = 0..self.facets.triangles.len();
+        let mut crossings: Vec<_> =
+            all.filter_map(|triangle| self.crossing(triangle, way)).collect();
+        crossings.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+        let starts_behind = crossings.first().is_some_and(|(_, is_inward)| !is_inward);
+        let (mut since, mut behind) = (starts_behind.then_some(0.0), 0.0);
+        for (part, is_inward) in crossings {
+            match is_inward {
+                true => since = since.or(Some(part)),
+                false => behind += since.take().map_or(0.0, |since| part - since),
+            }
+        }
+        (behind + since.map_or(0.0, |since| 1.0 - since)) * norm(sub(way[1], way[0]))
+    }
+
+    /// The part of a way at which it crosses a triangle, and whether inwards.
+    fn crossing(&self, triangle: usize, [from, to]: Way) -> Option<(f64, bool)> {
+        let corners @ [a, b, c] = self.corners(triangle);
+        let (along, doubled) = (sub(to, from), cross(sub(b, a), sub(c, a)));
+        let speed = dot(along, doubled);
+        let part = dot(sub(a, from), doubled) / speed;
+        let at: [f64; 3] = std::array::from_fn(|i| from[i] + part * along[i]);
+        let is_within = |i: usize| {
+            let (start, end) = (corners[i], corners[(i + 1) % 3]);
+            dot(cross(sub(end, start), sub(at, start)), doubled) >= -ON_IT * dot(doubled, doubled)
+        };
+        let is_on_way = (0.0..=1.0).contains(&part);
+        (is_on_way && (0..3).all(is_within)).then_some((part, speed < 0.0))
+    }
+
+    /// The middle of a triangle.
+    pub fn centre(&self, triangle: usize) -> [f64; 3] {
+        let corners = self.corners(triangle);
+        std::array::from_fn(|i| corners.iter().map(|x| x[i]).sum::<f64>() / 3.0)
+    }
+
     fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
         self.facets.triangles[triangle].map(|node| self.points[node as usize])
     }
 
-    fn normal(&self, triangle: usize) -> [f64; 3] {
+    pub fn normal(&self, triangle: usize) -> [f64; 3] {
         let [a, b, c] = self.corners(triangle);
         let area = cross(sub(b, a), sub(c, a));
         let size = norm(area);

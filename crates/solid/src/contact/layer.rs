@@ -27,7 +27,7 @@ pub(super) struct Layer {
     /// Half the width of the beginning `d` [m].
     pub smooth: f64,
     /// Depth at which the pressure would be the modulus [m].
-    depth: f64,
+    pub depth: f64,
 }
 
 impl Layer {

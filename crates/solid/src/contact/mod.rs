@@ -53,6 +53,20 @@ const SPACING: f64 = 2.0;
 /// Arm at which a turn of a tool counts as a motion, over the diagonal of the body.
 const LEVER: f64 = 0.1;
 
+/// What has gone in, or through, where contact does not keep it out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// A tool into the body.
+    Tool {
+        /// Its number.
+        tool: usize,
+        /// What it is.
+        shape: &'static str,
+    },
+    /// The surfaces of a contact pair into each other, by its number.
+    Pair(usize),
+}
+
 /// The tools that may touch a body, and its surfaces that may touch each other.
 pub struct Contact {
     pairs: Vec<ActivePair>,
@@ -154,14 +168,18 @@ impl Contact {
     }
 
     /// Looks, before a step [ends](Contact::end), for tools that are inside the body although its samples do not touch them,
-    /// or came through it; the number of the first, and what it is. Those that [sweep](Contact::find_sweep) count as well,
-    /// until the next step.
-    pub fn find_entry(&mut self, body: &Body, u: &[f64]) -> Option<(usize, &'static str)> {
-        let Contact { tools, start, .. } = self;
+    /// or came through it, and for surfaces of pairs that have gone through each other; the first. Tools that
+    /// [sweep](Contact::find_sweep) count as well, until the next step.
+    pub fn find_entry(&mut self, body: &Body, u: &[f64]) -> Option<Entry> {
+        let Contact { tools, pairs, start, .. } = self;
         tools.iter_mut().flatten().for_each(|held| held.find_entry(body, start, u));
-        let entered = |held: &Option<ActiveTool>| held.as_ref().is_some_and(ActiveTool::is_inside);
-        let number = self.tools.iter().position(entered)?;
-        Some((number, self.tools[number].as_ref()?.tool.shape.name()))
+        pairs.iter_mut().for_each(|pair| pair.find_passage(u));
+        let mut tools =
+            (0..).zip(tools).filter_map(|(number, held)| Some((number, held.as_ref()?)));
+        let entered = tools.find(|(_, held)| held.is_inside());
+        let entered =
+            entered.map(|(tool, held)| Entry::Tool { tool, shape: held.tool.shape.name() });
+        entered.or_else(|| pairs.iter().position(ActivePair::has_passed).map(Entry::Pair))
     }
 
     /// Looks for tools that have moved so far into a body displaced by `u`, or through it, that it cannot give way.
@@ -295,8 +313,19 @@ impl Contact {
     /// The part of a step from `u`, at most 1, that leads no surface much deeper into a tool or into the other of its pair.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         let of_pairs = self.pairs.iter().map(|pair| pair.longest(u, step));
-        let of_tools = self.tools.iter().flatten().map(|tool| tool.longest(u, step, self.diagonal));
-        of_pairs.chain(of_tools).fold(1.0, f64::min)
+        of_pairs.fold(self.longest_of_tools(u, step), f64::min)
+    }
+
+    /// The same for steps without a line search: the next one finds where surfaces balance only if this leads none of them
+    /// beyond where the layer is as stiff as at its beginning.
+    pub fn longest_in_layer(&self, u: &[f64], step: &[f64]) -> f64 {
+        let of_pairs = self.pairs.iter().map(|pair| pair.longest_in_layer(u, step));
+        of_pairs.fold(self.longest_of_tools(u, step), f64::min)
+    }
+
+    fn longest_of_tools(&self, u: &[f64], step: &[f64]) -> f64 {
+        let tools = self.tools.iter().flatten();
+        tools.map(|tool| tool.longest(u, step, self.diagonal)).fold(1.0, f64::min)
     }
 
     /// Whether a step is that of a body which next to nothing holds until it comes down on what may stop it: one that leads a

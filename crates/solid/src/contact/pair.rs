@@ -8,7 +8,9 @@
 
 mod candidate_list;
 mod met;
+mod passage;
 mod pieces;
+mod report;
 mod rubbing;
 mod steps;
 
@@ -17,15 +19,14 @@ use super::facets::{Candidates, Facets};
 use super::friction::{Friction, spring};
 use super::layer::Layer;
 use super::meeting::{Meeting, stretch};
-use super::pressure_field::PressureField;
 use super::samples::{Height, cells_behind, height_of, modulus};
-use super::tool::Report;
 use super::weighted_nodes::WeightedNodes;
 use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
 use crate::mesh::{cross, crossing, diagonal, norm, sub};
 use candidate_list::CandidateList;
 pub use met::Met;
+use passage::Passage;
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;
@@ -72,6 +73,7 @@ pub(super) struct ActivePair {
     in_tangent: Vec<Meeting>,
     gap: f64,
     dissipation: f64,
+    passage: Passage,
 }
 
 /// A point of the sampled surface.
@@ -155,6 +157,7 @@ impl ActivePair {
             in_tangent: Vec::new(),
             gap: f64::INFINITY,
             dissipation: 0.0,
+            passage: Passage::default(),
         }
     }
 
@@ -371,54 +374,6 @@ impl ActivePair {
             let tie = meeting.tie.as_ref().filter(|tie| norm(tie.offset) < self.reach);
             is_beyond(&meeting.corners) || tie.is_some_and(|tie| is_beyond(&tie.corners))
         })
-    }
-
-    /// Force of the second surface on the first, and torque about the origin of space; none of a surface on itself.
-    pub fn report(&self) -> Report {
-        let mut report =
-            Report { gap: self.gap, dissipation: self.dissipation, ..Report::default() };
-        for meeting in &self.touching {
-            let force = meeting.force().map(|f| self.sign * f);
-            let torque = cross(meeting.place, force);
-            for i in 0..3 {
-                report.force[i] += force[i];
-                report.torque[i] += torque[i];
-            }
-            report.area += meeting.area;
-            report.energy += meeting.energy;
-            report.touching += 1;
-            report.sliding += usize::from(meeting.slides());
-        }
-        report
-    }
-
-    /// Pressure at each node of the body [Pa], which adds up to the force across either surface.
-    pub fn pressures(&self, n_nodes: usize) -> Vec<f64> {
-        let mut field = PressureField::new(self.corners.len());
-        for meeting in &self.touching {
-            let force = meeting.area * meeting.pressure;
-            for (k, (&corner, weight)) in meeting.corners.iter().zip(meeting.weights).enumerate() {
-                let sign = if k < 3 { 1.0 } else { -1.0 };
-                field.press(
-                    corner as usize,
-                    weight.abs() * force,
-                    meeting.normal.map(|n| sign * n),
-                );
-            }
-        }
-        let surfaces = if self.self_contact.is_some() { 1 } else { 2 };
-        for facets in [&self.sampled, &self.other].into_iter().take(surfaces) {
-            for triangle in facets.triangles() {
-                let outward = area_vector(&self.places, triangle);
-                let share = area(&self.rest, triangle) / 3.0;
-                triangle.iter().for_each(|&node| field.bear(node as usize, outward, [share; 2]));
-            }
-        }
-        let mut pressures = vec![0.0; n_nodes];
-        for (&corner, pressure) in self.corners.iter().zip(field.pressures()) {
-            pressures[corner as usize] = pressure;
-        }
-        pressures
     }
 
     fn places_at(&self, u: &[f64]) -> Vec<[f64; 3]> {

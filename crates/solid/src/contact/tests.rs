@@ -6,6 +6,7 @@ mod jaws;
 mod lead;
 mod pair_friction;
 mod pairs;
+mod passage;
 mod samples;
 mod self_contact;
 mod shapes;

@@ -5,6 +5,7 @@ use super::outcome::Status;
 use super::problem::Problem;
 use super::stepper::VOLUME_BOUNDS;
 use crate::body::Body;
+use crate::contact::Entry;
 use crate::error::Error;
 use crate::linear::FactorError;
 
@@ -44,11 +45,8 @@ pub(super) enum Cut {
         residual: f64,
     },
     Factor(FactorError),
-    /// A tool went into the body between the samples of its surface.
-    Entered {
-        tool: usize,
-        shape: &'static str,
-    },
+    /// A tool went into the body between the samples of its surface, or surfaces of a contact pair through each other.
+    Entered(Entry),
     /// Surfaces rub that were out of reach at the start of the load step.
     OutOfReach,
     /// None could be made for the wider pattern of surfaces that have come to touch.
@@ -289,9 +287,13 @@ impl Cut {
             Cut::Pieces { residual } => format!(
                 "the surfaces of a contact pair swing between the pieces that they share (relative residual {residual:.1e})"
             ),
-            Cut::Entered { tool, shape } => format!(
+            Cut::Entered(Entry::Tool { tool, shape }) => format!(
                 "tool {tool}, {shape}, goes into the organ between the samples of its surface; give the surface \
                  shorter edges there, or take a blunter tool"
+            ),
+            Cut::Entered(Entry::Pair(pair)) => format!(
+                "the surfaces of contact pair {pair} go through each other; give the layer more stiffness, or the thinner body \
+                 cells with shorter edges"
             ),
             Cut::OutOfReach => {
                 "surfaces rub that were out of reach at the start of the load step".into()

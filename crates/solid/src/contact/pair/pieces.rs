@@ -18,7 +18,7 @@ const SAMPLED: f64 = 1.0 + 2.0 * GONE;
 
 /// How deep a surface may be behind the face that it has come in by, over the height of the lower of the cells behind them. A
 /// body is at least as thick as a cell is high: deeper, it is the far side of something thin, seen through both bodies.
-const DEEPEST: f64 = 0.5;
+pub(super) const DEEPEST: f64 = 0.5;
 
 /// Cosine of the angle to the opposite direction below which normals of two surfaces face each other.
 const FACING: f64 = 0.5;

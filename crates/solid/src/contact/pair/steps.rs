@@ -1,16 +1,32 @@
 //! How far a step may go before a surface is much deeper in the other than it was.
 
+use super::passage::but_for_the_mean;
 use super::pieces::RULE;
 use super::{ActivePair, mean};
 use crate::contact::facets::{Candidates, Facets};
+use crate::contact::layer::Layer;
 use crate::mesh::{dot, norm, sub};
 
 /// How much deeper a step may lead one surface into the other, over the reach: the tangent knows no more than its face.
 const DEEPER: f64 = 0.1;
 
+/// The same over the depth at which the layer bears the modulus. Up to there its stiffness is much the same, and the next step
+/// finds where it balances. From beyond its stiffer part a step would lead out of it again, the next one as deep, and so on.
+const INTO_LAYER: f64 = 1.0;
+
 impl ActivePair {
     /// The part of a step, possibly more than all of it, that leads no surface much deeper into the other.
     pub(in super::super) fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
+        self.longest_into(u, step, f64::INFINITY)
+    }
+
+    /// The same that leads none beyond where the layer is as stiff as at its beginning.
+    pub(in super::super) fn longest_in_layer(&self, u: &[f64], step: &[f64]) -> f64 {
+        self.longest_into(u, step, INTO_LAYER)
+    }
+
+    /// The same that leads none deeper by so much of the layer.
+    fn longest_into(&self, u: &[f64], step: &[f64], part: f64) -> f64 {
         let places = self.places_at(u);
         let motion = self.motion(step);
         let fastest = |facets: &Facets| {
@@ -18,7 +34,10 @@ impl ActivePair {
             nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max)
         };
         let (own_speed, its_speed) = (fastest(&self.sampled), fastest(&self.other));
-        let (deeper, speed) = (DEEPER * self.reach, own_speed + its_speed);
+        let into = |layer: &Layer| (part * layer.depth).min(DEEPER * self.reach);
+        let layers = self.layers.iter().flatten();
+        let deeper = layers.map(into).fold(f64::INFINITY, f64::min);
+        let speed = own_speed + its_speed;
         let most = (self.apart(&places).max(0.0) + deeper) / speed;
         if speed <= deeper || self.are_apart(&places) {
             return most;
@@ -30,7 +49,7 @@ impl ActivePair {
             let own =
                 self.sampled.triangles()[sample.triangle as usize].map(|n| motion[n as usize]);
             let own = mean(&own, sample.weights);
-            let candidates = self.candidates(sample);
+            let (candidates, deeper) = (self.candidates(sample), into(&sample.layer));
             let Some(closest) = other.closest(place, self.reach, candidates) else {
                 let free = || other.closest(place, f64::INFINITY, candidates).map(|c| c.distance);
                 longest = self.before_touch(longest, norm(own) + its_speed, deeper, free);
@@ -81,11 +100,7 @@ impl ActivePair {
     /// How the nodes of both surfaces move, but for what they all do: that brings nothing together.
     fn motion(&self, step: &[f64]) -> Vec<[f64; 3]> {
         let corners = 0..self.corners.len();
-        let motion: Vec<[f64; 3]> =
-            corners.map(|corner| self.carriers.mean(corner, step)).collect();
-        let count = motion.len() as f64;
-        let mean = std::array::from_fn(|i| motion.iter().map(|w| w[i]).sum::<f64>() / count);
-        motion.into_iter().map(|w| sub(w, mean)).collect()
+        but_for_the_mean(corners.map(|corner| self.carriers.mean(corner, step)).collect())
     }
 
     /// Whether the surfaces are too far apart to touch.
@@ -106,7 +121,14 @@ impl ActivePair {
 
     /// How far apart the boxes around both surfaces are along an axis; negative where they overlap along all.
     fn separation(&self, places: &[[f64; 3]]) -> f64 {
-        let [one, other] = [&self.sampled, &self.other].map(|facets| {
+        let [one, other] = self.boxes(places);
+        let along = |k: usize| (one[0][k] - other[1][k]).max(other[0][k] - one[1][k]);
+        (0..3).map(along).fold(f64::MIN, f64::max)
+    }
+
+    /// Lower and upper corners of the boxes around the sampled surface and the other.
+    pub(super) fn boxes(&self, places: &[[f64; 3]]) -> [[[f64; 3]; 2]; 2] {
+        [&self.sampled, &self.other].map(|facets| {
             let corners = facets.triangles().iter().flatten().map(|&node| places[node as usize]);
             let mut ends = [[f64::MAX; 3], [f64::MIN; 3]];
             for x in corners {
@@ -114,8 +136,6 @@ impl ActivePair {
                 (0..3).for_each(|k| ends[1][k] = ends[1][k].max(x[k]));
             }
             ends
-        });
-        let along = |k: usize| (one[0][k] - other[1][k]).max(other[0][k] - one[1][k]);
-        (0..3).map(along).fold(f64::MIN, f64::max)
+        })
     }
 }

@@ -89,8 +89,8 @@ impl<'a> Run<'a> {
             self.unstable = Some((load, row));
         }
         let body = self.body();
-        if let Some((tool, shape)) = self.contact.find_entry(body, &u) {
-            return Err(Cut::Entered { tool, shape });
+        if let Some(entry) = self.contact.find_entry(body, &u) {
+            return Err(Cut::Entered(entry));
         }
         self.contact.end(&u);
         (self.u, self.multipliers, self.load, self.met) =
@@ -142,8 +142,8 @@ impl<'r, 'a> LoadStep<'r, 'a> {
     fn too_many_iterations(&mut self) -> Cut {
         let LoadStep { run, u, norm, history, .. } = self;
         let entry = run.contact.find_entry(run.problem.body, u);
-        if let (Some((tool, shape)), true) = (entry, *norm <= NEAR) {
-            return Cut::Entered { tool, shape };
+        if let (Some(entry), true) = (entry, *norm <= NEAR) {
+            return Cut::Entered(entry);
         }
         let Newton { tolerance, max_iterations, .. } = run.settings;
         let residuals: Vec<f64> = history.iter().map(|&[_, norm]| norm).collect();

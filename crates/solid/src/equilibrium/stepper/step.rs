@@ -324,7 +324,8 @@ impl Stepper {
     /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
     /// at once, nor a surface through another or a tool. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> Taken {
-        let whole = self.within_length().min(self.contact.longest(&self.displacement, &self.step));
+        let allowed = self.contact.longest_in_layer(&self.displacement, &self.step);
+        let whole = self.within_length().min(allowed);
         let taken = backtrack(whole, MAX_CUTS, |length| {
             self.try_at(length);
             let energy = self.force_within_bounds(body);
