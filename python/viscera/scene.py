@@ -109,7 +109,7 @@ class Scene(Organ):
         try:
             super().__init__(mesh, law, fixed=fixed, element=first.element, supports=held)
         except VisceraError as error:
-            raise VisceraError(self._told(str(error))) from error
+            raise VisceraError(self._named(str(error))) from error
         for pair in given_contacts:
             if not isinstance(pair, Placed):
                 refuse_overlap(pair, self._meshes)
@@ -294,7 +294,7 @@ class Scene(Organ):
         name = list(self.organs)[number]
         return f"node {int(np.flatnonzero(self._numbers[name] == node)[0])} of {name!r}"
 
-    def _told(self, message: str) -> str:
+    def _named(self, message: str) -> str:
         """What the core says of a contact pair, with its name in place of its number."""
         for number, pair in enumerate(self.contacts):
             message = message.replace(f"contact pair {number} ", f"{pair!r} ")

@@ -118,7 +118,7 @@ class State(Deformed, Pictured):
         if inside_out and not self._response.is_linear:
             inside_out += ", and files hold no stress"
         organ, displacement = self._from_rest()
-        return "; ".join(filter(None, (self._told, inside_out, organ._doubt_of_bonds(displacement))))
+        return "; ".join(filter(None, (organ._named(self._told), inside_out, organ._doubt_of_bonds(displacement))))
 
     @property
     def max_displacement(self) -> float:

@@ -102,6 +102,10 @@ class Supported(Immutable, Pictured):
             if present:
                 raise VisceraError(f"a series does not know {what}, or solve in load steps")
 
+    def _named(self, message: str) -> str:
+        """What the core says, with names in place of its numbers; an organ alone has none."""
+        return message
+
     def _doubt_of_bonds(self, displacement: Floats) -> str:
         """What bonds do not do at a displacement, in words; an organ alone has none."""
         return ""

@@ -56,3 +56,11 @@ def test_a_plate_pressed_into_a_block_is_not_inside(scene: vs.Scene) -> None:
     assert frame.is_settled
     assert not frame.contact(pair).is_inside
     assert frame.force(pair)[2] < -10.0
+
+
+def test_a_layer_too_soft_to_keep_a_plate_out_is_told(scene: vs.Scene) -> None:
+    soft = vs.Scene(scene.organs, contacts=[vs.ContactPair("block", "plate", stiffness=0.05)])
+    state = soft.solve(displacement={"plate/z > 99%": (0.0, 0.0, -0.012)})
+    assert not state.is_converged
+    assert "the surfaces of ContactPair(block, plate) go through each other; give the layer" in state.message
+    assert 0.3 < state.load < 0.9
