@@ -153,11 +153,13 @@ int32_t viscera_held_assess(const viscera_held *held, double *error_estimate);
 
 /* Cauchy stress of each cell (force per area), nine doubles row by row, the mean over its points, under displacements of
  * all nodes: those of viscera_held_field, or of viscera_field for a single touch. With VISCERA_INVERTED a cell is inside
- * out, and the stress is zero. */
+ * out, and the stress is zero. In nearly incompressible tissue the pressure in it feels errors of the displacements that
+ * force, shape, von Mises stress and the error estimate do not; Python tells how much (stress_error_estimate). */
 int32_t viscera_hands_stress(const viscera_hands *hands, const double *moved, size_t moved_len, double *stress,
                              size_t stress_len);
 
-/* REAL TIME. Von Mises stress, sqrt(3/2 s : s) with the deviator s, of `count` stresses. */
+/* REAL TIME. Von Mises stress, sqrt(3/2 s : s) with the deviator s, of `count` stresses. With VISCERA_NOT_FINITE one of them
+ * is not finite, or too large, and all are zero. */
 int32_t viscera_von_mises(const double *stress, size_t count, double *von_mises);
 
 #if defined(__cplusplus) ? __cplusplus >= 201103L : (defined(__STDC_VERSION__) && __STDC_VERSION__ >= 201112L)

@@ -100,9 +100,8 @@ impl Skin {
         let Some(closest) = self.tree.closest(points, &self.triangles, center) else {
             return f64::NEG_INFINITY;
         };
-        let away = sub(center, closest.point);
-        let is_outside = self.is_above(points, center, away);
-        if is_outside { radius - norm(away) } else { radius + norm(away) }
+        let is_outside = self.is_above(points, center, closest.distance);
+        if is_outside { radius - closest.distance } else { radius + closest.distance }
     }
 
     /// Whether a place is outside the organ: above the closest point of its surface, by the normals of all triangles that have
@@ -110,16 +109,16 @@ impl Skin {
     /// 243).
     pub fn is_outside(&self, points: &[[f64; 3]], at: [f64; 3]) -> bool {
         let Some(closest) = self.tree.closest(points, &self.triangles, at) else { return true };
-        self.is_above(points, at, sub(at, closest.point))
+        self.is_above(points, at, closest.distance)
     }
 
-    /// The same, `away` from that point.
-    fn is_above(&self, points: &[[f64; 3]], at: [f64; 3], away: [f64; 3]) -> bool {
-        let reach = norm(away) * (1.0 + SAME);
+    /// The same at this distance from the surface. Several points of it may be as close, each with triangles of its own.
+    fn is_above(&self, points: &[[f64; 3]], at: [f64; 3], distance: f64) -> bool {
+        let reach = distance * (1.0 + SAME);
         let mut up = 0.0;
         self.tree.visit_within(points, &self.triangles, at, reach, |near| {
             let corners = self.triangles[near.triangle as usize].map(|node| points[node as usize]);
-            let normal = normal_of(corners);
+            let (normal, away) = (normal_of(corners), sub(at, near.point));
             up += angle(&corners, near.barycentric) * dot(normal, away) / norm(normal);
             true
         });
@@ -212,6 +211,25 @@ mod tests {
         for (height, overlap) in [(0.03, -0.01), (0.015, 0.005), (-0.005, 0.025)] {
             let found = skin.overlap(&points, [0.001, 0.0005, height], RADIUS);
             assert!((found - overlap).abs() < 1e-12, "{height}: {found}");
+        }
+    }
+
+    /// Both walls of a plate are as close there, one by an edge of two triangles, the other by one triangle.
+    #[test]
+    fn the_middle_between_walls_is_inside() {
+        let height = 4.0 * EDGE;
+        let walls = [
+            [[-0.02, -0.02, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]],
+            [[-0.02, 0.02, height], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]],
+        ];
+        let (points, triangles) = squares(&walls, 20);
+        let skin = Skin::new(&points, triangles);
+        for [x, y] in [[0.3, 0.3], [0.3, -0.3], [0.0, 0.3], [0.2, 0.1]] {
+            let at = |part: f64| [x * EDGE, y * EDGE, part * height];
+            for part in [0.5 - 1e-11, 0.5, 0.5 + 1e-11] {
+                assert!(!skin.is_outside(&points, at(part)), "{x} {y} {part}");
+            }
+            assert!(skin.is_outside(&points, at(1.5)) && skin.is_outside(&points, at(-0.5)));
         }
     }
 

@@ -120,5 +120,27 @@ pub unsafe extern "C" fn viscera_von_mises(
         let square = |k: usize| (s[k] - if k.is_multiple_of(4) { mean } else { 0.0 }).powi(2);
         *out = (1.5 * (0..9).map(square).sum::<f64>()).sqrt();
     }
-    status::OK
+    finite_or_zero(status::OK, out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_von_mises_stress_is_finite_or_refused() {
+        let shear = |s: f64| [0.0, s, 0.0, s, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let of = |s: f64| {
+            let (stresses, mut found) = ([shear(2.0), shear(s)].concat(), [7.0; 2]);
+            // SAFETY: two tensors and two numbers.
+            (unsafe { viscera_von_mises(stresses.as_ptr(), 2, found.as_mut_ptr()) }, found)
+        };
+        let (status, found) = of(1.0);
+        assert_eq!(status, status::OK);
+        let expected = [2.0, 1.0].map(|s| s * 3.0f64.sqrt());
+        assert!(found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-12), "{found:?}");
+        for refused in [f64::NAN, f64::INFINITY, 1e200] {
+            assert_eq!(of(refused), (status::NOT_FINITE, [0.0; 2]), "{refused}");
+        }
+    }
 }

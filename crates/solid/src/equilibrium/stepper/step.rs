@@ -324,7 +324,12 @@ impl Stepper {
     /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
     /// at once, nor a surface through another or a tool. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> Taken {
-        let allowed = self.contact.longest_in_layer(&self.displacement, &self.step);
+        let (u, step) = (&self.displacement, &self.step);
+        // While hands move, no step is taken back to where it balances.
+        let allowed = match self.hands_move {
+            true => self.contact.longest_in_layer(u, step),
+            false => self.contact.longest(u, step),
+        };
         let whole = self.within_length().min(allowed);
         let taken = backtrack(whole, MAX_CUTS, |length| {
             self.try_at(length);
