@@ -151,8 +151,8 @@ class Contact(Sealed):
     is_inside: bool
     """Whether the tool is inside the organ or has come through it, too thin or too fast for the samples of the surface
     to notice; then none of these numbers holds, and the frame has not settled. `Organ.solve` ends before that.
-    Of a contact pair: whether one surface is deeper in the other than half a cell, or has gone through it and is not
-    back. A surface that may touch itself is not followed."""
+    Of a contact pair: whether the sampled surface is deeper in the other than half a cell of that, or has gone through
+    it and is not back. A surface that may touch itself is not followed."""
     pressures: Floats
     """Pressure (n,) at nodes [Pa], per area at rest: the normal force on a node over its share of the surface, so that
     it adds up to the force across the surface; smeared over a cell at the rim. Negative only where bonded."""

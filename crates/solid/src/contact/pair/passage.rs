@@ -47,10 +47,9 @@ struct Side {
     gap: f64,
 }
 
-/// A corner, or the centre of a triangle: the mean of these corners; and the least height of the cells behind it [m].
+/// A corner, or the centre of a triangle: the mean of these corners.
 struct Followed {
     corners: [u32; 3],
-    height: f64,
 }
 
 impl ActivePair {
@@ -92,40 +91,46 @@ impl ActivePair {
         let moved: Vec<[f64; 3]> =
             places.iter().zip(&self.start).map(|(x, y)| sub(*x, *y)).collect();
         let motion = but_for_the_mean(moved);
-        let followed = [0, 1].map(|side| self.followed(side));
-        known.resize(followed.iter().map(Vec::len).sum(), Point::default());
-        let mut known = known.iter_mut();
-        for (side, followed) in followed.iter().enumerate() {
-            let its = if side == 0 { &self.other } else { &self.sampled };
-            let heights = &self.heights[1 - side];
-            let other = Other { heights, before: its.at(&self.start), now: its.at(places) };
-            let nodes = its.triangles().iter().flatten();
-            let fastest = nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max);
-            for (point, known) in followed.iter().zip(&mut known) {
-                let (free, moved) = (known.clearance, norm(point.mean(&motion)) + fastest);
-                known.clearance -= moved;
-                if known.has_passed || known.clearance <= 0.0 {
-                    let way = [point.mean(&self.start), point.mean(places)];
-                    let behind = if free > 0.0 { moved - free } else { f64::INFINITY };
-                    *known = other.look(*known, Motion { way, behind }, point.height, self.reach);
-                } else {
-                    known.side = None;
-                }
+        let followed = self.followed();
+        known.resize(followed.len(), Point::default());
+        let was_tangled = known.iter().any(|point| point.has_passed);
+        let (before, now) = (self.other.at(&self.start), self.other.at(places));
+        let other = Other { heights: &self.heights[1], before, now };
+        let nodes = self.other.triangles().iter().flatten();
+        let fastest = nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max);
+        let mut sides = vec![None; if was_tangled { 0 } else { followed.len() }];
+        for (number, (point, known)) in followed.iter().zip(known.iter_mut()).enumerate() {
+            let (free, moved) = (known.clearance, norm(point.mean(&motion)) + fastest);
+            known.clearance -= moved;
+            if was_tangled {
+                known.has_passed =
+                    other.is_still_beyond(known.side, point.mean(places), self.reach);
+            } else if known.clearance <= 0.0 {
+                let way = [point.mean(&self.start), point.mean(places)];
+                let behind = if free > 0.0 { moved - free } else { f64::INFINITY };
+                (*known, sides[number]) = other.look(*known, Motion { way, behind }, self.reach);
+            } else {
+                known.side = None;
             }
+        }
+        // What had passed is measured from where all were before, and anew when all are back.
+        let is_tangled = known.iter().any(|point| point.has_passed);
+        if is_tangled {
+            known.iter_mut().zip(sides).for_each(|(point, side)| point.side = side);
+        } else if was_tangled {
+            known.fill(Point::default());
         }
     }
 
-    /// The points of the sampled surface, or of the other.
-    fn followed(&self, side: usize) -> Vec<Followed> {
-        let facets = if side == 0 { &self.sampled } else { &self.other };
-        let height = |triangle: &u32| self.heights[side][*triangle as usize];
-        let corners = (0..self.corners.len() as u32).filter_map(|corner| {
-            let around = facets.around(corner).iter().map(height);
-            Some(Followed { corners: [corner; 3], height: around.reduce(f64::min)? })
-        });
-        let centres = (0u32..).zip(facets.triangles());
-        let centres = centres.map(|(t, &corners)| Followed { corners, height: height(&t) });
-        corners.chain(centres).collect()
+    /// The points of the sampled surface: by these the layer acts.
+    fn followed(&self) -> Vec<Followed> {
+        let facets = &self.sampled;
+        let of_surface = |corner: &u32| !facets.around(*corner).is_empty();
+        let corners = (0..self.corners.len() as u32).filter(of_surface).map(|corner| [corner; 3]);
+        corners
+            .chain(facets.triangles().iter().copied())
+            .map(|corners| Followed { corners })
+            .collect()
     }
 }
 
@@ -151,37 +156,42 @@ struct Other<'a> {
 }
 
 impl Other<'_> {
-    /// What is known of a point on cells as high after it has moved.
-    fn look(&self, known: Point, motion: Motion, height: f64, reach: f64) -> Point {
+    /// What is known of a point after it has moved, of a pair none of whose points had passed, and the side on which it was.
+    fn look(&self, known: Point, motion: Motion, reach: f64) -> (Point, Option<Side>) {
         let Motion { way: [from, to], behind } = motion;
-        // As [`ActivePair::deepest`].
-        let deepest = |gap: &Gap| (DEEPEST * height.min(self.heights[gap.triangle])).min(reach);
+        let deepest = |gap: &Gap| self.deepest(gap, reach);
         let side_of = |gap: &Gap| {
             (gap.gap >= -deepest(gap)).then_some(Side { face: gap.triangle, gap: gap.gap })
         };
-        let gap_at = |surface: &Placed, x: [f64; 3]| {
-            let gap = surface.gap(x, f64::INFINITY, Candidates::All)?;
-            Some(Gap { triangle: surface.facing(&gap), ..gap })
-        };
-        let Some(gap) = gap_at(&self.now, to) else {
+        let Some(gap) = Self::gap_at(&self.now, to) else {
             // On the border of a surface that is not closed.
             let closest = self.now.closest(to, f64::INFINITY, Candidates::All);
             let clearance = closest.map_or(f64::INFINITY, |closest| closest.distance);
-            return match known.has_passed {
-                true => known,
-                false => Point { clearance, ..Point::default() },
-            };
+            return (Point { clearance, ..Point::default() }, known.side);
         };
         let side = match known.side {
             None if behind <= deepest(&gap) => None,
-            known => known.or_else(|| side_of(&gap_at(&self.before, from)?)),
+            known => known.or_else(|| side_of(&Self::gap_at(&self.before, from)?)),
         };
-        let has_passed = side.is_some_and(|side| match known.has_passed {
-            true => self.is_beyond(side, &gap, deepest(&gap), to),
-            false => self.passes(side, &gap, deepest(&gap), [from, to]),
-        });
-        let side = if has_passed { side } else { side_of(&gap) };
-        Point { clearance: gap.gap.max(0.0), side, has_passed }
+        let has_passed =
+            side.is_some_and(|side| self.passes(side, &gap, deepest(&gap), [from, to]));
+        (Point { clearance: gap.gap.max(0.0), side: side_of(&gap), has_passed }, side)
+    }
+
+    /// Whether a point is still too deep, or on the far side, seen from where it was before the first had passed.
+    fn is_still_beyond(&self, side: Option<Side>, to: [f64; 3], reach: f64) -> bool {
+        let found = side.and_then(|side| Some((side, Self::gap_at(&self.now, to)?)));
+        found.is_some_and(|(side, gap)| self.is_beyond(side, &gap, self.deepest(&gap, reach), to))
+    }
+
+    fn gap_at(surface: &Placed, x: [f64; 3]) -> Option<Gap> {
+        let gap = surface.gap(x, f64::INFINITY, Candidates::All)?;
+        Some(Gap { triangle: surface.facing(&gap), ..gap })
+    }
+
+    /// How deep a point may be behind the triangle that it is closest to [m].
+    fn deepest(&self, gap: &Gap, reach: f64) -> f64 {
+        (DEEPEST * self.heights[gap.triangle]).min(reach)
     }
 
     /// Whether a point comes in too deep, past the middle, or out on the far side.
@@ -193,7 +203,11 @@ impl Other<'_> {
         // As the face sees it, which moves as well.
         let [start, end] = [&self.before, &self.now].map(|surface| surface.centre(side.face));
         let from = std::array::from_fn(|i| from[i] + end[i] - start[i]);
-        let behind = self.now.behind_along([from, to]);
+        let crossed = self.now.behind_along([from, to]);
+        let stays_in = crossed == 0.0 && side.gap < 0.0 && gap.gap < 0.0;
+        // With how deep it was behind that face before.
+        let way = if stays_in { norm(sub(to, from)) } else { crossed };
+        let behind = way - side.gap.min(0.0);
         let is_in = side.gap <= 0.0 || behind > 0.0;
         is_in && is_deep || is_far && (behind > deepest || is_in && gap.gap < -PAST * deepest)
     }
