@@ -67,3 +67,26 @@ def test_a_layer_too_soft_to_keep_a_plate_out_is_told(scene: vs.Scene) -> None:
     assert not state.is_converged
     assert "the surfaces of ContactPair(block, plate) go through each other; give the layer" in state.message
     assert 0.3 < state.load < 0.9
+
+
+@pytest.mark.parametrize("shape", ["plate", "wedge"])
+def test_thin_and_sharp_bodies_sink_deeper_than_their_own_cells_are_high(shape: str) -> None:
+    """Half the height of a cell of the block is allowed, not of theirs."""
+    if shape == "plate":
+        lower = vs.mesh(*block((4, 3, 1), (0.12, 0.08, 0.06)))
+        points, cells = block((8, 6, 1), (0.06, 0.05, 5e-4))
+        points, law, depth = points + np.array([0.03, 0.015, 0.0602]), vs.NeoHookean(young=1e6, poisson=0.3), -0.012
+    else:
+        lower = vs.mesh(*block((6, 4, 2), (0.12, 0.08, 0.03)))
+        points, cells = block((4, 4, 4), (0.04, 0.08, 0.04))
+        points[:, 0] = 0.02 + (points[:, 0] - 0.02) * (0.02 + 0.98 * points[:, 2] / 0.04)
+        points, law, depth = points + np.array([0.043, 0.003, 0.0305]), vs.NeoHookean(young=1e5, poisson=0.3), -0.006
+    organs = {"block": vs.Organ(lower, LAW, fixed="z < 1%"), "thin": vs.Organ(vs.mesh(points, cells), law)}
+    scene = vs.Scene(organs, contacts=[vs.ContactPair("block", "thin")])
+    pushed, pair = {scene.place("thin", "z > 99%"): (0.0, 0.0, depth)}, scene.contacts[0]
+    state = scene.solve(displacement=pushed, throw=True)
+    assert not state.contact(pair).is_inside
+    frame = scene.stepper(pushed, start=state, iterations=20).frame(pushed)
+    assert frame.is_settled
+    assert not frame.contact(pair).is_inside
+    assert frame.force(pair) == pytest.approx(state.force(pair), rel=5e-3, abs=1e-2)

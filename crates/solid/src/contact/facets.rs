@@ -135,7 +135,8 @@ impl Placed<'_> {
     pub fn facing(&self, gap: &Gap) -> usize {
         let nodes = self.facets.triangles[gap.triangle];
         let on: Vec<u32> = (0..3).filter(|&i| gap.weights[i] > 0.0).map(|i| nodes[i]).collect();
-        let around = self.facets.around(on[0]).iter().map(|&triangle| triangle as usize);
+        let Some(&first) = on.first() else { return gap.triangle };
+        let around = self.facets.around(first).iter().map(|&triangle| triangle as usize);
         let shares = |triangle: &usize| {
             on.iter().all(|node| self.facets.triangles[*triangle].contains(node))
         };

@@ -292,8 +292,7 @@ impl Cut {
                  shorter edges there, or take a blunter tool"
             ),
             Cut::Entered(Entry::Pair(pair)) => format!(
-                "the surfaces of contact pair {pair} go through each other; give the layer more stiffness, or the thinner body \
-                 cells with shorter edges"
+                "the surfaces of contact pair {pair} go through each other; give the layer more stiffness, or press less"
             ),
             Cut::OutOfReach => {
                 "surfaces rub that were out of reach at the start of the load step".into()

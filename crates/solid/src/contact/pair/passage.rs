@@ -1,9 +1,10 @@
 //! Surfaces that have gone through each other. The layer pushes a point out by the nearest face, so what is led in past the
 //! middle of a body comes out on the far side, where nothing but its way there tells that it should not be.
 //!
-//! Therefore points of both surfaces, the corners and the centres of their triangles, are followed from step to step: from the
-//! face of the other surface that each was closest to, outside or in the layer, to where it is now. A point is asked about
-//! only if it may have come to the other surface since it was last.
+//! Therefore points of the sampled surface, by which the layer acts, are followed from step to step: the corners and the centres
+//! of its triangles, each from the face of the other surface that it was closest to, outside or in the layer, to where it
+//! is now. A point is asked about only if it may have come to the other surface since it was last. Once one has passed, all are
+//! asked in every step, and measured from where they were before, until none is deep or on the far side.
 
 use super::pieces::DEEPEST;
 use super::{ActivePair, mean};
@@ -22,7 +23,7 @@ const PAST: f64 = 0.2;
 /// How far before a face, over its distance from a point, a way from it to there begins.
 const BEFORE: f64 = 1e-6;
 
-/// The ways of the points of both surfaces.
+/// The ways of the points of the sampled surface.
 #[derive(Default)]
 pub(super) struct Passage {
     points: Vec<Point>,
@@ -45,11 +46,6 @@ struct Point {
 struct Side {
     face: usize,
     gap: f64,
-}
-
-/// A corner, or the centre of a triangle: the mean of these corners.
-struct Followed {
-    corners: [u32; 3],
 }
 
 impl ActivePair {
@@ -87,11 +83,15 @@ impl ActivePair {
         (0..3).any(|k| is_beside(k, 0) || is_beside(k, 1))
     }
 
+    /// Brings what is known of the points to the end of the step.
     fn follow(&self, known: &mut Vec<Point>, places: &[[f64; 3]]) {
         let moved: Vec<[f64; 3]> =
             places.iter().zip(&self.start).map(|(x, y)| sub(*x, *y)).collect();
         let motion = but_for_the_mean(moved);
         let followed = self.followed();
+        let at = |point: &[u32; 3], values: &[[f64; 3]]| {
+            mean(&point.map(|corner| values[corner as usize]), [1.0 / 3.0; 3])
+        };
         known.resize(followed.len(), Point::default());
         let was_tangled = known.iter().any(|point| point.has_passed);
         let (before, now) = (self.other.at(&self.start), self.other.at(places));
@@ -100,13 +100,12 @@ impl ActivePair {
         let fastest = nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max);
         let mut sides = vec![None; if was_tangled { 0 } else { followed.len() }];
         for (number, (point, known)) in followed.iter().zip(known.iter_mut()).enumerate() {
-            let (free, moved) = (known.clearance, norm(point.mean(&motion)) + fastest);
+            let (free, moved) = (known.clearance, norm(at(point, &motion)) + fastest);
             known.clearance -= moved;
             if was_tangled {
-                known.has_passed =
-                    other.is_still_beyond(known.side, point.mean(places), self.reach);
+                known.has_passed = other.is_still_beyond(known.side, at(point, places), self.reach);
             } else if known.clearance <= 0.0 {
-                let way = [point.mean(&self.start), point.mean(places)];
+                let way = [at(point, &self.start), at(point, places)];
                 let behind = if free > 0.0 { moved - free } else { f64::INFINITY };
                 (*known, sides[number]) = other.look(*known, Motion { way, behind }, self.reach);
             } else {
@@ -122,21 +121,12 @@ impl ActivePair {
         }
     }
 
-    /// The points of the sampled surface: by these the layer acts.
-    fn followed(&self) -> Vec<Followed> {
+    /// The points of the sampled surface, each the mean of three corners: the corners themselves, and the centres of triangles.
+    fn followed(&self) -> Vec<[u32; 3]> {
         let facets = &self.sampled;
-        let of_surface = |corner: &u32| !facets.around(*corner).is_empty();
-        let corners = (0..self.corners.len() as u32).filter(of_surface).map(|corner| [corner; 3]);
-        corners
-            .chain(facets.triangles().iter().copied())
-            .map(|corners| Followed { corners })
-            .collect()
-    }
-}
-
-impl Followed {
-    fn mean(&self, values: &[[f64; 3]]) -> [f64; 3] {
-        mean(&self.corners.map(|corner| values[corner as usize]), [1.0 / 3.0; 3])
+        let is_sampled = |corner: &u32| !facets.around(*corner).is_empty();
+        let corners = (0..self.corners.len() as u32).filter(is_sampled).map(|corner| [corner; 3]);
+        corners.chain(facets.triangles().iter().copied()).collect()
     }
 }
 
@@ -184,6 +174,7 @@ impl Other<'_> {
         found.is_some_and(|(side, gap)| self.is_beyond(side, &gap, self.deepest(&gap, reach), to))
     }
 
+    /// The gap at a point, however far, to the triangle that faces it.
     fn gap_at(surface: &Placed, x: [f64; 3]) -> Option<Gap> {
         let gap = surface.gap(x, f64::INFINITY, Candidates::All)?;
         Some(Gap { triangle: surface.facing(&gap), ..gap })
@@ -221,6 +212,7 @@ impl Other<'_> {
         gap.gap < -deepest || self.is_far(side, gap) && lies_behind()
     }
 
+    /// Whether a point is closest to the far side of the body, seen from the face that it was closest to.
     fn is_far(&self, side: Side, gap: &Gap) -> bool {
         dot(self.now.normal(side.face), gap.normal) < FAR_SIDE
     }
