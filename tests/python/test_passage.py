@@ -90,3 +90,30 @@ def test_thin_and_sharp_bodies_sink_deeper_than_their_own_cells_are_high(shape: 
     assert frame.is_settled
     assert not frame.contact(pair).is_inside
     assert frame.force(pair) == pytest.approx(state.force(pair), rel=5e-3, abs=1e-2)
+
+
+def test_organs_that_are_apart_again_after_they_were_crushed_are_not_inside() -> None:
+    """Pressed far too deep at once, then lifted. How they come apart, tangled, differs from machine to machine."""
+    lower = vs.mesh(*block((6, 4, 2), (0.12, 0.08, 0.03)))
+    points, cells = block((5, 3, 1), (0.1, 0.07, 0.01))
+    above = vs.mesh(points + np.array([0.01, 0.005, 0.031]), cells)
+    organs = {"block": vs.Organ(lower, LAW, fixed="z < 1%"), "plate": vs.Organ(above, LAW)}
+    was_inside, came_apart = False, False
+    for friction, depth in ((0.1, 0.03), (0.1, 0.034), (0.3, 0.03)):
+        scene = vs.Scene(organs, contacts=[vs.ContactPair("block", "plate", friction=friction)])
+        top, pair = scene.place("plate", "z > 99%"), scene.contacts[0]
+        stepper = scene.stepper(iterations=40, grasped={top: (0.0, 0.0, 0.0)})
+        frames = [stepper.frame({top: (0.0, 0.0, height)}) for height in [-depth] + 40 * [0.02]]
+        was_inside |= any(frame.contact(pair).is_inside for frame in frames)
+        if _is_above(scene, frames[-2]):
+            came_apart = True
+            assert not frames[-1].contact(pair).is_inside
+            assert frames[-1].is_settled
+    assert was_inside
+    assert came_apart
+
+
+def _is_above(scene: vs.Scene, frame: vs.Frame) -> bool:
+    """Whether the plate lies above the block."""
+    height = (scene.mesh.points + frame.displacement)[:, 2]
+    return bool(height[scene.mesh.nodes("plate")].min() > height[scene.mesh.nodes("block")].max())

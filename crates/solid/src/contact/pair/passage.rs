@@ -4,7 +4,8 @@
 //! Therefore points of the sampled surface, by which the layer acts, are followed from step to step: the corners and the centres
 //! of its triangles, each from the face of the other surface that it was closest to, outside or in the layer, to where it
 //! is now. A point is asked about only if it may have come to the other surface since it was last. Once one has passed, all are
-//! asked in every step, and measured from where they were before, until none is deep or on the far side.
+//! asked in every step, and measured from where they were before, until none is deep or on the far side, or the surfaces lie
+//! apart and most points do not tell of a passage.
 
 use super::pieces::DEEPEST;
 use super::{ActivePair, mean};
@@ -76,11 +77,8 @@ impl ActivePair {
 
     /// Whether the boxes around both surfaces lie beside each other along an axis at the start of the step and at its end.
     fn stay_apart(&self, places: &[[f64; 3]]) -> bool {
-        let [before, now] = [&self.start, places].map(|places| self.boxes(places));
-        let is_beside = |k: usize, one: usize| {
-            [&before, &now].iter().all(|boxes| boxes[one][1][k] < boxes[1 - one][0][k])
-        };
-        (0..3).any(|k| is_beside(k, 0) || is_beside(k, 1))
+        let [before, now] = [&self.start, places].map(|places| lie_beside(self.boxes(places)));
+        before.iter().zip(now).any(|(before, now)| *before && now)
     }
 
     /// Brings what is known of the points to the end of the step.
@@ -113,7 +111,9 @@ impl ActivePair {
             }
         }
         // What had passed is measured from where all were before, and anew when all are back.
-        let is_tangled = known.iter().any(|point| point.has_passed);
+        let are_apart = || lie_beside(self.boxes(places)).contains(&true);
+        let is_back = was_tangled && !most_have_passed(known) && are_apart();
+        let is_tangled = !is_back && known.iter().any(|point| point.has_passed);
         if is_tangled {
             known.iter_mut().zip(sides).for_each(|(point, side)| point.side = side);
         } else if was_tangled {
@@ -216,6 +216,22 @@ impl Other<'_> {
     fn is_far(&self, side: Side, gap: &Gap) -> bool {
         dot(self.now.normal(side.face), gap.normal) < FAR_SIDE
     }
+}
+
+/// Whether the first of two boxes lies before the other along each axis, and whether the other does before the first.
+fn lie_beside([one, other]: [[[f64; 3]; 2]; 2]) -> [bool; 6] {
+    std::array::from_fn(|k| match k {
+        0..3 => one[1][k] < other[0][k],
+        _ => other[1][k - 3] < one[0][k - 3],
+    })
+}
+
+/// Whether most of the followed points are beyond. Of surfaces that lie apart that tells whether they have gone through each
+/// other: where bodies were crushed, some points were taken for coming from the far side.
+fn most_have_passed(known: &[Point]) -> bool {
+    let followed = known.iter().filter(|point| point.side.is_some()).count();
+    let passed = known.iter().filter(|point| point.has_passed).count();
+    2 * passed > followed
 }
 
 /// Vectors without what they have in common.
