@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import re
-import struct
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import meshio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import viscera as vs
 from viscera.errors import VisceraError
@@ -110,144 +107,6 @@ def test_units_that_a_file_denies_are_refused(bar: vs.Mesh, tmp_path: Path) -> N
             vs.read(tmp_path / "bar.vtu", units=units)
     for said in ("m", 1.0):
         assert vs.read(tmp_path / "bar.vtu", units=said).axes == "RAS"
-
-
-GMSH_GROUPS = ("clamp", "pull", "organ")
-
-
-def gmsh_mesh(bar: vs.Mesh) -> meshio.Mesh:
-    """A bar with its root as a named group of triangles, one named point, and the volume."""
-    root = bar.surface[np.isin(bar.surface, bar.sets["root"]).all(axis=1)]
-    blocks = [("triangle", root.astype(int)), ("vertex", np.array([[80]])), ("tetra", bar.cells.astype(int))]
-    tags = [np.full(len(data), tag, dtype=np.int32) for tag, (_, data) in enumerate(blocks, start=1)]
-    fields = {name: np.array([tag, dim]) for name, tag, dim in zip(GMSH_GROUPS, (1, 2, 3), (2, 0, 3), strict=True)}
-    return meshio.Mesh(
-        bar.points, blocks, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=fields
-    )
-
-
-@pytest.mark.parametrize(("version", "binary"), [("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)])
-def test_physical_groups_of_gmsh_are_sets(bar: vs.Mesh, tmp_path: Path, version: str, binary: bool) -> None:
-    found = gmsh_mesh(bar)
-    if version == "4.1":  # meshio writes groups of this version only with the entity of each point
-        dim_tags = np.tile([3, 3], (len(bar.points), 1))
-        dim_tags[bar.sets["root"]] = [2, 1]
-        dim_tags[80] = [0, 2]
-        found.point_data["gmsh:dim_tags"] = dim_tags
-    meshio.gmsh.write(str(tmp_path / "bar.msh"), found, fmt_version=version, binary=binary)
-    again = vs.read(tmp_path / "bar.msh")
-    assert sorted(again.sets) == sorted(GMSH_GROUPS)
-    np.testing.assert_allclose(again.points[again.nodes("clamp")][:, 0], 0)
-    assert len(again.nodes("clamp")) == len(bar.sets["root"])
-    assert again.points[again.nodes("pull")].tolist() == [bar.points[80].tolist()]
-    assert len(again.nodes("organ")) == len(bar.points)
-
-
-def test_a_damaged_node_tag_of_gmsh_takes_no_memory(bar: vs.Mesh, tmp_path: Path) -> None:
-    """meshio makes room for the largest tag: a flipped byte, and it took gigabytes."""
-    path = tmp_path / "bar.msh"
-    meshio.gmsh.write(str(path), meshio.Mesh(bar.points, [("tetra", bar.cells.astype(int))]), "4.1", binary=True)
-    data = bytearray(path.read_bytes())
-    start = data.index(b"$Nodes\n") + len(b"$Nodes\n")
-    first = start + 4 * 8 + 3 * 4 + 8
-    assert int.from_bytes(data[first : first + 8], "little") == 1
-    data[first + 3] = 4
-    path.write_bytes(data)
-    tag, largest = 1 + 4 * 2**24, len(bar.points)
-    words = f"bar.msh: damaged: a node has the tag {tag}, and its header states {largest} as the largest"
-    with pytest.raises(VisceraError, match=words):
-        vs.read(path)
-    data[first + 3] = 0
-    data[start + 8] += 1
-    path.write_bytes(data)
-    with pytest.raises(VisceraError, match=f"its header declares {largest + 1} nodes, and its blocks hold {largest}"):
-        vs.read(path)
-
-
-FAR = 2_000_000_000
-BLOCK = struct.pack("<4Q3iQ4Q12d", 1, 4, 1, FAR, 3, 0, 0, 4, 1, 2, 3, FAR, *[0.0] * 9, *[0.0, 0.0, 1.0])
-
-
-@pytest.mark.parametrize(
-    ("version", "nodes"),
-    [
-        ("2.2 0", b"4\n1 0 0 0\n2 1 0 0\n%d 0 1 0\n3 0 0 1\n" % FAR),
-        ("4.0 0", b"1 4\n1 0 0 4\n1 0 0 0\n2 1 0 0\n%d 0 1 0\n3 0 0 1\n" % FAR),
-        ("4.1 0", b"1 4 1 %d\n3 0 0 4\n1\n2\n3\n%d\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n" % (FAR, FAR)),
-        ("4.1 1", BLOCK),
-    ],
-)
-def test_gmsh_tags_with_a_wide_gap_take_no_memory(tmp_path: Path, version: str, nodes: bytes) -> None:
-    """meshio makes room for the largest tag, sixteen gigabytes here."""
-    head = f"$MeshFormat\n{version} 8\n".encode() + (struct.pack("<i", 1) + b"\n" if version.endswith("1") else b"")
-    (tmp_path / "far.msh").write_bytes(head + b"$EndMeshFormat\n$Nodes\n" + nodes + b"\n$EndNodes\n")
-    with pytest.raises(VisceraError, match=rf"far\.msh: a node has the tag {FAR}, far beyond its 4 nodes.*renumber"):
-        vs.read(tmp_path / "far.msh")
-
-
-def test_groups_without_a_name_are_called_by_dimension_and_number(bar: vs.Mesh, tmp_path: Path) -> None:
-    found = gmsh_mesh(bar)
-    found.field_data = {}
-    meshio.gmsh.write(str(tmp_path / "bar.msh"), found, fmt_version="2.2", binary=False)
-    # The volume, which holds every point, is left out.
-    assert sorted(vs.read(tmp_path / "bar.msh").sets) == ["physical:0:2", "physical:2:1"]
-    triangles, tags = found.cells[0].data, np.full(len(found.cells[0].data), 4)
-    medit = meshio.Mesh(
-        bar.points,
-        [("triangle", triangles), ("tetra", bar.cells.astype(int))],
-        cell_data={"medit:ref": [tags, np.zeros(len(bar.cells), int)]},
-    )
-    meshio.medit.write(str(tmp_path / "bar.mesh"), medit)
-    assert np.array_equal(vs.read(tmp_path / "bar.mesh").nodes("ref:2:4"), bar.sets["root"])
-
-
-def first_gmsh(points: NDArray[Any], elements: list[tuple[int, int, list[int]]]) -> str:
-    """A Gmsh file of version 1: node k is called 7 + 3 k; elements are type, physical region and nodes."""
-    nodes = [f"{7 + 3 * k} {x!r} {y!r} {z!r}" for k, (x, y, z) in enumerate(points.tolist())]
-    lines = [
-        f"{k} {kind} {region} 1 {len(cell)} {' '.join(str(7 + 3 * node) for node in cell)}"
-        for k, (kind, region, cell) in enumerate(elements, start=1)
-    ]
-    parts = ["$NOD", str(len(nodes)), *nodes, "$ENDNOD", "$ELM", str(len(lines)), *lines, "$ENDELM"]
-    return "\n".join(parts) + "\n"
-
-
-def test_gmsh_files_of_the_first_version_are_read(bar: vs.Mesh, tmp_path: Path) -> None:
-    root = bar.surface[np.isin(bar.surface, bar.sets["root"]).all(axis=1)]
-    faces = [(2, 5, face) for face in root.tolist()]
-    cells = [(4, 1 + (k >= 100), cell) for k, cell in enumerate(bar.cells.tolist())]
-    (tmp_path / "old.msh").write_text(first_gmsh(bar.points, [*faces, *cells, (15, 9, [80])]))
-    found = vs.read(tmp_path / "old.msh", units="cm")
-    np.testing.assert_allclose(found.points, 0.01 * bar.points)
-    assert np.array_equal(found.cells, bar.cells)
-    assert np.array_equal(found.nodes("physical:2:5"), bar.sets["root"])
-    assert found.nodes("physical:0:9").tolist() == [80]
-    assert found.cell_sets["physical:3:2"].tolist() == list(range(100, len(bar.cells)))
-
-
-def test_ten_node_cells_of_gmsh_1_have_its_order_of_nodes(tmp_path: Path) -> None:
-    """The last two midpoints are swapped: of the edges 2-3 and 1-3 in the manual, 1-3 and 2-3 elsewhere."""
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
-    edges = [(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)]
-    points = np.vstack([corners, [corners[list(edge)].mean(axis=0) for edge in edges]])
-    (tmp_path / "old.msh").write_text(first_gmsh(points, [(11, 1, list(range(10)))]))
-    assert np.array_equal(vs.read(tmp_path / "old.msh").points, corners)
-
-
-def test_bad_gmsh_files_of_the_first_version(bar: vs.Mesh, tmp_path: Path) -> None:
-    good = first_gmsh(bar.points, [(4, 1, cell) for cell in bar.cells.tolist()])
-    cases = {
-        good[: good.index("\n100 4 1 1 4")]: "cut short",
-        good.replace("$ENDELM", ""): "its end stands where $ENDELM is due",
-        good.replace("$ENDNOD", "12 0 0 0"): "12 stands where $ENDNOD is due",
-        good.replace("\n10 ", "\n7 ", 1): "two nodes of number 7",
-        good.replace("\n1 4 1 1 4 ", "\n1 4 1 1 3 "): "element 1 is of type 4 with 3 nodes",
-        good.replace("\n1 4 1 1 4 7 ", "\n1 4 1 1 4 8 "): "element 1 names node 8, which is not there",
-    }
-    for text, sentence in cases.items():
-        (tmp_path / "bad.msh").write_text(text)
-        with pytest.raises(VisceraError, match=re.escape(sentence)):
-            vs.read(tmp_path / "bad.msh")
 
 
 def test_integer_point_arrays_are_sets(bar: vs.Mesh, tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
-"""Reading and writing mesh files: by meshio, FEBio files by `febio`; `gmsh1` reads the first version of Gmsh files,
-`abaqus` those of Abaqus, and `vtk` those of VTK. The meshes are not checked here; `mesh` does that.
+"""Reading and writing mesh files: by meshio, FEBio files by `febio`; `gmsh` reads those of Gmsh, `abaqus` those of
+Abaqus, and `vtk` those of VTK. The meshes are not checked here; `mesh` does that.
 
 Node sets are found where each format keeps them; sets without a name in the file are called after where they were
 found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera.errors import VisceraError, did_you_mean, refuse_case_file
-from viscera.files import febio, gmsh_names, gmsh_tags
+from viscera.files import febio, gmsh_names
 from viscera.files.atomic import replacing, writable
 from viscera.quantity import Number, brief, path_of
 
@@ -249,30 +249,24 @@ def _known_ending(path: Path) -> str:
 Arrays = dict[str, NDArray[Any]]
 
 
-OWN_READERS = {".inp": "abaqus", ".vtu": "vtk", ".vtk": "vtk"}
+OWN_READERS = {".inp": "abaqus", ".msh": "gmsh", ".vtu": "vtk", ".vtk": "vtk"}
 """Modules here that read in place of those of meshio."""
 
 
 def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays, tuple[str, ...]]:
     """Points, node indices of the cells by kind, node sets, cell sets, and what the reader has to say."""
     # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
-    with path.open("rb") as file:
-        head = file.read(1000).lstrip() if ending == ".msh" else b""
-    own = "gmsh1" if head.startswith(b"$NOD") else OWN_READERS.get(ending)
+    own = OWN_READERS.get(ending)
     reader = importlib.import_module(f"viscera.files.{own}" if own else f"meshio.{MESHIO_MODULES[ending]}")
-    if ending == ".msh" and own is None:
-        gmsh_tags.require_room(path.read_bytes())
-    names = gmsh_names.read(path) if ending == ".msh" else {}
-    with gmsh_names.with_distinct_names(path, names) as source:
-        found = reader.read(source)
+    found = reader.read(path)
     kinds = dict.fromkeys(block.type for block in found.cells)
     blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
     sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
     sets |= _sets_of_point_arrays(found)
-    groups = _sets_of_cell_groups(found, names)
+    groups = _sets_of_cell_groups(found)
     sets |= {name: nodes for name, nodes in groups.items() if name not in sets}
     messages = tuple((found.info or {}).get("messages", ()))
-    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found, names), messages
+    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found), messages
 
 
 def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
@@ -382,57 +376,40 @@ def _informative(sets: Arrays, count: int, given: Collection[str]) -> Arrays:
     return {n: members for n, members in sets.items() if ":" not in n or n in given or len(members) < count}
 
 
-def _cell_sets(found: meshio.Mesh, groups: gmsh_names.Names) -> Arrays:
-    """Sets of tetrahedra: integer cell arrays, Gmsh's physical groups, Medit's references, named groups of cells."""
+def _cell_sets(found: meshio.Mesh) -> Arrays:
+    """Sets of tetrahedra: integer cell arrays, Medit's references, named groups of cells."""
     solid = [k for k, block in enumerate(found.cells) if block.type in ("tetra", "tetra10")]
-    names = {tag: name for (dim, tag), name in groups.items() if dim == 3}
     sets: Arrays = {}
     for key, arrays in found.cell_data.items():
         values = np.concatenate([np.asarray(arrays[k]) for k in solid]) if solid else np.empty(0)
-        if key in ("gmsh:physical", "medit:ref"):
-            word = "physical" if key == "gmsh:physical" else "ref"
+        if key == "medit:ref":
             labels = np.unique(values[values != 0]).tolist()
-            sets |= {names.get(label, f"{word}:3:{label}"): np.flatnonzero(values == label) for label in labels}
-        elif key != "gmsh:geometrical":
+            sets |= {f"ref:3:{label}": np.flatnonzero(values == label) for label in labels}
+        else:
             sets |= _sets_of_array(key, values)
     starts = np.cumsum([0, *(len(found.cells[k]) for k in solid)])
-    named = _named_groups(found, groups)
-    for name, per_block in named:
+    for name, per_block in found.cell_sets.items():
         chosen = [(start, per_block[k]) for start, k in zip(starts, solid, strict=False)]
         members = [start + np.asarray(c, dtype=np.int64) for start, c in chosen if c is not None and len(c)]
         if members:
             sets[name] = np.concatenate(members)
-    return _informative(sets, int(starts[-1]), [*names.values(), *dict(named), *_given(found.cell_data)])
+    return _informative(sets, int(starts[-1]), [*found.cell_sets, *_given(found.cell_data)])
 
 
-def _named_groups(found: meshio.Mesh, names: gmsh_names.Names) -> list[tuple[str, list[Any]]]:
-    """The groups of cells that Gmsh 4 and Abaqus name outright, with their members in each block."""
-    spelt = gmsh_names.keys(names)
-    groups = {key: per_block for key, per_block in found.cell_sets.items() if key != "gmsh:bounding_entities"}
-    return [(spelt.get(key, key), per_block) for key, per_block in groups.items()]
-
-
-def _sets_of_cell_groups(found: meshio.Mesh, names: gmsh_names.Names) -> Arrays:
-    """Nodes of named and numbered groups of cells of any dimension: Gmsh's physical groups, Medit's references.
-
-    Of a name that groups of solid cells share with groups of faces, edges or vertices, the nodes of the latter.
-    """
-    members: dict[str, tuple[list[NDArray[Any]], list[NDArray[Any]]]] = {}
-    for key, word in (("gmsh:physical", "physical"), ("medit:ref", "ref")):
-        for block, groups in zip(found.cells, found.cell_data.get(key, []), strict=False):
-            for tag in np.unique(groups[groups != 0]).tolist():
-                name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
-                members.setdefault(name, ([], []))[block.dim == 3].append(block.data[groups == tag].ravel())
-    named = _named_groups(found, names)
-    for name, per_block in named:  # an entity of Gmsh may be in several
-        pairs = [(block, np.asarray(c)) for block, c in zip(found.cells, per_block, strict=False) if c is not None]
-        held = [(block, chosen.astype(np.int64)) for block, chosen in pairs if len(chosen)]
-        is_solid = all(block.dim == 3 for block, _ in held)
-        if held:
-            nodes = [block.data[chosen].ravel() for block, chosen in held]
-            members.setdefault(name, ([], []))[is_solid].extend(nodes)
-    sets = {name: np.unique(np.concatenate(flat or solid)) for name, (flat, solid) in members.items()}
-    return _informative(sets, len(found.points), [*names.values(), *dict(named)])
+def _sets_of_cell_groups(found: meshio.Mesh) -> Arrays:
+    """Nodes of named and numbered groups of cells of any dimension, Medit's references among them."""
+    members: dict[str, list[NDArray[Any]]] = {}
+    for block, refs in zip(found.cells, found.cell_data.get("medit:ref", []), strict=False):
+        for ref in np.unique(refs[refs != 0]).tolist():
+            members.setdefault(f"ref:{block.dim}:{ref}", []).append(block.data[refs == ref].ravel())
+    for name, per_block in found.cell_sets.items():
+        held = [(block, np.asarray(c)) for block, c in zip(found.cells, per_block, strict=False) if c is not None]
+        nodes = [block.data[chosen.astype(np.int64)].ravel() for block, chosen in held if len(chosen)]
+        if nodes:
+            members.setdefault(name, []).extend(nodes)
+    sets = {name: np.unique(np.concatenate(nodes)) for name, nodes in members.items()}
+    named = [name for name in found.cell_sets if not gmsh_names.is_number(name)]
+    return _informative(sets, len(found.points), named)
 
 
 def _mask(members: NDArray[Any], count: int) -> NDArray[np.uint8]:
