@@ -124,7 +124,9 @@ first
 """
     found = read(tmp_path, BOTH + text)
     assert sets(found) == {"far": [1, 2, 3, 4], "below": [0, 1, 2, 3, 4], "nodes": [0, 1, 3], "first": [0, 1]}
-    assert found.messages == ()
+    taken = "the *SURFACE 'FIRST' is not read: a set of other nodes is called so; rename one of them"
+    assert found.messages == (taken,)
+    assert read(tmp_path, BOTH + "*NSET, NSET=a\n2,3,4\n*SURFACE, NAME=A\n1, S3\n").messages == ()
     one = read(tmp_path, BOTH + "*SURFACE, NAME=a\n7, S2\n*SURFACE, NAME=b\n7, S3\n*SURFACE, NAME=c\n7, S4\n")
     assert [sets(one)[name] for name in "abc"] == [[1, 2, 4], [2, 3, 4], [1, 3, 4]]
 
@@ -211,3 +213,59 @@ def test_what_is_not_read_is_refused_in_words(tmp_path: Path, text: str, sentenc
 def test_an_assembly_of_one_part_in_its_place_is_read(tmp_path: Path) -> None:
     found = read(tmp_path, f"*Part, name=A\n{BOTH}*End Part\n*Instance, name=A-1, part=A\n*End Instance\n")
     assert len(found.cells) == 2
+
+
+ASSEMBLY = f"""*PART, NAME=Liver
+{BOTH}*NSET, NSET=Set-1
+1,2
+*NSET, NSET=own
+Set-1
+*ELSET, ELSET=Cells
+1,
+*END PART
+*ASSEMBLY, NAME=all
+*INSTANCE, NAME=Liver-1, PART=LIVER
+*END INSTANCE
+*NSET, NSET=set-1, INSTANCE=Liver-1
+5,
+*NSET, NSET=local, INSTANCE=Liver-1
+Set-1
+*NSET, NSET=global
+SET-1, 3
+*NSET, NSET=named
+Liver-1.Set-1, 4
+*ELSET, ELSET=Cells, INSTANCE=Liver-1
+7,
+*SURFACE, NAME=below
+Liver-1.Cells, S1
+*SURFACE, NAME=above
+Cells, S1
+*END ASSEMBLY
+"""
+
+
+def test_a_label_of_a_part_is_not_that_of_the_assembly(tmp_path: Path) -> None:
+    found = read(tmp_path, ASSEMBLY)
+    assert {name: nodes for name, nodes in sets(found).items() if name not in found.cell_sets} == {
+        "Liver-1.Set-1": [0, 1],
+        "own": [0, 1],
+        "set-1": [4],
+        "local": [0, 1],
+        "global": [2, 4],
+        "named": [0, 1, 3],
+        "below": [0, 1, 2],
+        "above": [1, 2, 3],
+    }
+    assert {name: cells.tolist() for name, cells in found.cell_sets.items()} == {
+        "far": [1],
+        "Liver-1.Cells": [0],
+        "Cells": [1],
+    }
+    assert found.messages == (
+        "the node set 'Set-1' of 'Liver' is called 'Liver-1.Set-1': another has its name",
+        "the element set 'Cells' of 'Liver' is called 'Liver-1.Cells': another has its name",
+    )
+
+
+def test_a_mark_of_the_encoding_is_no_part_of_the_first_keyword(tmp_path: Path) -> None:
+    assert len(read(tmp_path, "\ufeff" + BOTH).cells) == 2

@@ -2,8 +2,9 @@
 refused.
 
 After Abaqus' user's guide: `*KEYWORD, PARAMETER=VALUE, ...` stands before lines of data, and `**` before a comment.
-Capitals do not count in labels; a set has its name as it is spelt first. meshio keeps the last of several blocks of
-nodes, and leaves out sets that name sets.
+Capitals do not count in labels; a set has its name as it is spelt first. A label is of its part, its instance or the
+assembly: where several have it, those of parts and instances are called `INSTANCE.LABEL`, as the assembly calls them.
+meshio keeps the last of several blocks of nodes, and leaves out sets that name sets.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ MAKERS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
 """Keywords that generate nodes and elements."""
 MOVERS = {"SYSTEM": "write their coordinates in the global system, without it", "INSTANCE": FLAT}
 """Keywords that move nodes by their data, and what to do."""
+SCOPES = ("PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY")
+"""Keywords with which labels begin or cease to be of a part or an instance alone."""
 FACES = {"S1": (0, 1, 2), "S2": (0, 3, 1), "S3": (1, 3, 2), "S4": (2, 3, 0)}
 """Local corners of the faces of a tetrahedron, by Abaqus' names."""
 
@@ -70,6 +73,8 @@ class Block:
 
     keyword: str
     parameters: Mapping[str, str]
+    scope: str = ""
+    """The part or the instance that it stands in."""
     lines: list[Line] = field(default_factory=list)
 
     def words(self) -> list[tuple[Line, str]]:
@@ -86,18 +91,24 @@ class Elements:
     nodes: NDArray[np.int64]
 
 
+Key = tuple[str, str]
+"""The scope of a label, and the label, in capitals."""
+Sets = dict[Key, list[int]]
+
+
 @dataclass
 class Model:
-    """What the blocks say, by the numbers of the file, and by labels in capitals."""
+    """What the blocks say, by the numbers of the file, and by labels with their scopes."""
 
     points: dict[int, list[float]] = field(default_factory=dict)
     elements: list[Elements] = field(default_factory=list)
-    node_sets: dict[str, list[int]] = field(default_factory=dict)
-    element_sets: dict[str, list[int]] = field(default_factory=dict)
+    node_sets: Sets = field(default_factory=dict)
+    element_sets: Sets = field(default_factory=dict)
     element_numbers: set[int] = field(default_factory=set)
     surfaces: list[Block] = field(default_factory=list)
-    spelt: dict[str, str] = field(default_factory=dict)
-    """Labels as they are spelt first."""
+    instances: dict[str, Block] = field(default_factory=dict)
+    spelt: dict[Key, tuple[str, str]] = field(default_factory=dict)
+    """Scopes and labels as they are spelt first."""
 
     def take(self, block: Block) -> None:
         """Adds a block; most keywords do not concern the mesh."""
@@ -106,13 +117,13 @@ class Model:
         elif block.keyword == "ELEMENT":
             self._elements(block)
         elif block.keyword == "NSET":
-            members = _members(block, "NSET", self.node_sets, self.points)
+            members = self._members(block, "NSET", self.node_sets, self.points)
             if "ELSET" in block.parameters:
-                members += self._nodes_of(_found(block.parameters["ELSET"], self.element_sets))
-            self._add(self.node_sets, _name(block, "NSET"), members)
+                members += self._nodes_of(self._found(block.parameters["ELSET"], self.element_sets, block))
+            self._add(self.node_sets, block, "NSET", members)
         elif block.keyword == "ELSET":
-            members = _members(block, "ELSET", self.element_sets, self.element_numbers)
-            self._add(self.element_sets, _name(block, "ELSET"), members)
+            members = self._members(block, "ELSET", self.element_sets, self.element_numbers)
+            self._add(self.element_sets, block, "ELSET", members)
         elif block.keyword == "SURFACE":
             self.surfaces.append(block)
         elif block.keyword in MAKERS:
@@ -121,11 +132,45 @@ class Model:
             raise VisceraError(
                 f"*{block.keyword} moves the nodes of the file, which is not read; {MOVERS[block.keyword]}"
             )
+        elif block.keyword == "INSTANCE":
+            self.instances[block.scope.upper()] = block
 
-    def _add(self, sets: dict[str, list[int]], label: str, members: list[int]) -> None:
-        key = label.upper()
-        self.spelt.setdefault(key, label)
+    def _add(self, sets: Sets, block: Block, parameter: str, members: list[int]) -> None:
+        """Adds members to the set that a parameter of the block names."""
+        label = _name(block, parameter)
+        key = block.scope.upper(), label.upper()
+        self.spelt.setdefault(key, (block.scope, label))
         sets.setdefault(key, []).extend(members)
+
+    def _found(self, name: str, sets: Sets, block: Block, by: str = "a set") -> list[int]:
+        """The members of a set that the block names: of its own scope, of the instance that it states or that stands
+        before the label, or of any other."""
+        label = name.strip('"').upper()
+        instance, _, rest = label.rpartition(".")
+        scope = block.parameters.get("INSTANCE", block.scope).upper()
+        keys = [(scope, label), (self._part(scope), label)]
+        keys += [(instance, rest), (self._part(instance), rest), *sets] if instance else [*sets]
+        found = next((key for key in keys if key in sets and key[1] in (label, rest)), None)
+        if found is None:
+            raise VisceraError(f"{by} names {name!r}, and no set before it is called so")
+        return sets[found]
+
+    def _part(self, scope: str) -> str:
+        """The part of an instance, in capitals."""
+        return self.instances[scope].parameters.get("PART", "").upper() if scope in self.instances else ""
+
+    def _members(self, block: Block, parameter: str, sets: Sets, known: Collection[int]) -> list[int]:
+        """The numbers in a set: listed, generated from first, last and step, or those of sets before it."""
+        if "GENERATE" in block.parameters:
+            return [number for line in block.lines for number in _generated(line, known)]
+        found: list[int] = []
+        for _, word in block.words():
+            found += [int(word)] if word.isdecimal() else self._found(word, sets, block)
+        missing = next((number for number in found if number not in known), None)
+        if missing is not None:
+            noun = "node" if parameter == "NSET" else "element"
+            raise VisceraError(f"{_name(block, parameter)!r} names {noun} {missing}, which is not there")
+        return found
 
     def _nodes(self, block: Block) -> None:
         if block.parameters.get("SYSTEM", "R").upper() != "R":
@@ -143,7 +188,7 @@ class Model:
                     f"for itself are not read: {FLAT}"
                 )
         if "NSET" in block.parameters:
-            self._add(self.node_sets, block.parameters["NSET"], numbers)
+            self._add(self.node_sets, block, "NSET", numbers)
 
     def _elements(self, block: Block) -> None:
         kind = _kind(_name(block, "TYPE"))
@@ -162,24 +207,25 @@ class Model:
         self.element_numbers.update(numbers)
         self.elements.append(Elements(kind, table[:, 0], table[:, 1:]))
         if "ELSET" in block.parameters:
-            self._add(self.element_sets, block.parameters["ELSET"], numbers)
+            self._add(self.element_sets, block, "ELSET", numbers)
 
     def _nodes_of(self, chosen: list[int]) -> list[int]:
         nodes = [each.nodes[np.isin(each.numbers, chosen)].ravel() for each in self.elements]
         return [int(node) for node in np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int64)]))]
 
     def _nodes_of_surfaces(self) -> list[str]:
-        """Adds the nodes of each surface as a set, unless a set of nodes has its label. Returns what is not read."""
+        """Adds the nodes of each surface as a set. Returns what is not read, such as one with the label of a set."""
         unread = []
         for block in self.surfaces:
             label = _name(block, "NAME")
             try:
                 members = [node for line in block.lines for node in self._nodes_of_faces(line, block)]
+                if set(members) != set(self.node_sets.get((block.scope.upper(), label.upper()), members)):
+                    raise VisceraError("a set of other nodes is called so; rename one of them")
             except VisceraError as error:
                 unread.append(f"the *SURFACE {label!r} is not read: {error}")
             else:
-                if label.upper() not in self.node_sets:
-                    self._add(self.node_sets, label, members)
+                self._add(self.node_sets, block, "NAME", members)
         return unread
 
     def _nodes_of_faces(self, line: Line, surface: Block) -> list[int]:
@@ -190,7 +236,7 @@ class Model:
             raise VisceraError("only lists of nodes and of faces of elements are")
         is_of_nodes = kind == "NODE"
         sets, known = (self.node_sets, self.points) if is_of_nodes else (self.element_sets, self.element_numbers)
-        chosen = [int(name)] if name.isdecimal() else _found(name, sets, "it")
+        chosen = [int(name)] if name.isdecimal() else self._found(name, sets, surface, "it")
         if chosen and chosen[0] not in known:
             raise VisceraError(f"it names {kind.lower()} {chosen[0]}, which is not there")
         if is_of_nodes:
@@ -205,18 +251,36 @@ class Model:
 
     def mesh(self) -> meshio.Mesh:
         """The model by the indices of its points and cells."""
-        unread = self._nodes_of_surfaces()
+        messages = self._nodes_of_surfaces()
         index = {number: k for k, number in enumerate(self.points)}
         blocks = [(each.kind, _indices(each, index)) for each in self.elements]
         points = {
-            self.spelt[label]: np.array([index[number] for number in nodes]) for label, nodes in self.node_sets.items()
+            name: np.array([index[number] for number in nodes])
+            for name, nodes in self._named(self.node_sets, "node set", messages).items()
         }
         cells = {
-            self.spelt[label]: [np.flatnonzero(np.isin(each.numbers, chosen)) for each in self.elements]
-            for label, chosen in self.element_sets.items()
+            name: [np.flatnonzero(np.isin(each.numbers, chosen)) for each in self.elements]
+            for name, chosen in self._named(self.element_sets, "element set", messages).items()
         }
         places = np.array([*self.points.values()]).reshape(-1, 3)
-        return meshio.Mesh(places, blocks, point_sets=points, cell_sets=cells, info={"messages": unread})
+        return meshio.Mesh(places, blocks, point_sets=points, cell_sets=cells, info={"messages": messages})
+
+    def _named(self, sets: Sets, noun: str, messages: list[str]) -> dict[str, list[int]]:
+        """The sets by their labels, with the instance before those that another scope has, too; adds what to say."""
+        shared = Counter(label for _, label in sets)
+        named = {}
+        for key, members in sets.items():
+            scope, name = self.spelt[key]
+            if scope and shared[key[1]] > 1:
+                of_part = [
+                    block.scope for block in self.instances.values() if self._part(block.scope.upper()) == key[0]
+                ]
+                name = f"{of_part[0] if len(of_part) == 1 else scope}.{name}"
+                messages.append(
+                    f"the {noun} {self.spelt[key][1]!r} of {scope!r} is called {name!r}: another has its name"
+                )
+            named[name] = members
+        return named
 
 
 def read(path: Path) -> meshio.Mesh:
@@ -229,9 +293,13 @@ def read(path: Path) -> meshio.Mesh:
 
 def _blocks(path: Path) -> list[Block]:
     found: list[Block] = []
+    scope = ""
     for line in _lines(path):
         if line.text.startswith("*"):
-            found.append(Block(line.text[1:].partition(",")[0].strip().upper(), _parameters(line.text)))
+            keyword, parameters = line.text[1:].partition(",")[0].strip().upper(), _parameters(line.text)
+            if keyword in SCOPES:
+                scope = parameters.get("NAME", "") if keyword in ("PART", "INSTANCE") else ""
+            found.append(Block(keyword, parameters, scope))
         elif found:
             found[-1].lines.append(line)
     return found
@@ -241,7 +309,7 @@ def _lines(path: Path, within: tuple[Path, ...] = ()) -> Iterator[Line]:
     """The lines of a file and of those that it names, without comments; a keyword and its parameters on one line."""
     keyword = Line("", 0)
     file = path.name if within else ""
-    for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    for number, text in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), start=1):
         line = Line(text.strip(), number, file)
         if not line.text or line.text.startswith("**"):
             continue
@@ -300,20 +368,6 @@ def _kind(name: str) -> str:
     return str(abaqus_to_meshio_type[name.upper()])
 
 
-def _members(block: Block, parameter: str, sets: Mapping[str, list[int]], known: Collection[int]) -> list[int]:
-    """The numbers in a set: listed, generated from first, last and step, or those of sets before it."""
-    if "GENERATE" in block.parameters:
-        return [number for line in block.lines for number in _generated(line, known)]
-    found: list[int] = []
-    for _, word in block.words():
-        found += [int(word)] if word.isdecimal() else _found(word, sets)
-    missing = next((number for number in found if number not in known), None)
-    if missing is not None:
-        noun = "node" if parameter == "NSET" else "element"
-        raise VisceraError(f"{_name(block, parameter)!r} names {noun} {missing}, which is not there")
-    return found
-
-
 def _generated(line: Line, known: Collection[int]) -> list[int]:
     """The numbers from first to last in steps, 1 if there is none, of those that are there; however far they reach."""
     numbers = [line.whole(word) for word in line.words if word]
@@ -327,15 +381,6 @@ def _generated(line: Line, known: Collection[int]) -> list[int]:
     if (last - first) // step < len(known):
         return [number for number in span if number in known]
     return [number for number in sorted(known) if number in span]
-
-
-def _found(name: str, sets: Mapping[str, list[int]], by: str = "a set") -> list[int]:
-    """The members of a set that another names, alone or behind its instance's name."""
-    label = name.strip('"').upper()
-    for each in (label, label.rpartition(".")[2]):
-        if each in sets:
-            return sets[each]
-    raise VisceraError(f"{by} names {name!r}, and no set before it is called so")
 
 
 def _corners(kind: str, face: str) -> list[int] | slice:
