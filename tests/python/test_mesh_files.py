@@ -167,6 +167,41 @@ def test_a_febio_set_in_a_form_that_is_not_read_is_named(tmp_path: Path, more: s
         vs.read(tmp_path / "a.feb")
 
 
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ('<Instance part="P" name="a"><scale>2,2,2</scale></Instance>', "moves the nodes of its part by <scale>"),
+        (
+            '<Instance part="P" name="a"><transform><translate>0,0,1</translate></transform></Instance>',
+            "moves the nodes of its part by <translate>, which is not read; write the nodes where they are to stand",
+        ),
+        ('<Instance part="P" name="b"/><Instance part="P" name="a"/>', "is the second of the part 'P'"),
+    ],
+)
+def test_febio_instances_that_move_or_repeat_a_part_are_refused(tmp_path: Path, more: str, words: str) -> None:
+    text = f'<febio_spec version="2.5">{FEBIO["2.5"].replace("</Geometry>", more + "</Geometry>")}</febio_spec>'
+    (tmp_path / "a.feb").write_text(text)
+    with pytest.raises(VisceraError, match=rf"a\.feb: <Instance name='a'> {re.escape(words)}"):
+        vs.read(tmp_path / "a.feb")
+    still = '<Instance part="P" name="a"><scale>1,1,1</scale><rotate>0,0,0</rotate><translate/></Instance>'
+    (tmp_path / "a.feb").write_text(text.replace(more, still))
+    assert len(vs.read(tmp_path / "a.feb").cells) == 1
+
+
+def test_febio_numbers_that_two_have_are_refused(tmp_path: Path) -> None:
+    text = f'<febio_spec version="4.0">{FEBIO["4.0"]}</febio_spec>'
+    (tmp_path / "a.feb").write_text(text.replace("</Nodes>", '<node id="8">1,1,1</node></Nodes>'))
+    with pytest.raises(VisceraError, match=r"a\.feb: two nodes have the number 8; parts that number theirs each for"):
+        vs.read(tmp_path / "a.feb")
+    other = '<node id="11">1,1,1</node></Nodes><Elements type="tet4" name="Q"><elem id="1">8,9,10,11</elem></Elements>'
+    (tmp_path / "a.feb").write_text(text.replace("</Nodes>", other))
+    assert sorted(vs.read(tmp_path / "a.feb").cell_sets) == ["P", "Q"]
+    named = '<ElementSet name="s">1</ElementSet></Mesh>'
+    (tmp_path / "a.feb").write_text(text.replace("</Nodes>", other).replace("</Mesh>", named))
+    with pytest.raises(VisceraError, match="<ElementSet name='s'> names element 1, and two elements have that number"):
+        vs.read(tmp_path / "a.feb")
+
+
 def test_parts_and_element_sets_of_ten_node_febio_cells_are_read(tmp_path: Path) -> None:
     ends = [[*pair] for pair in ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))]
     corners = np.array([*TET, [0.1, 0.1, 0.1]])

@@ -22,6 +22,9 @@ KINDS = {
     "tri3": "triangle",
     "quad4": "quad",
 }
+APART = "parts that number theirs each for itself are not read: give each a number of its own"
+UNMOVED = {"translate": 0.0, "rotate": 0.0, "scale": 1.0}
+"""What an instance holds, and the number that changes nothing."""
 WHOLE = "organ"
 """The one part of a mesh that is written. A file's only part of this name is the mesh itself, and no set."""
 
@@ -36,27 +39,26 @@ def read(data: bytes) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
     mesh = root.find("Mesh") if root.find("Mesh") is not None else root.find("Geometry")
     if root.tag != "febio_spec" or mesh is None:
         raise VisceraError("not a FEBio model: it has no <febio_spec> with a <Mesh> or <Geometry>")
-    nodes = [node for block in mesh.iter("Nodes") for node in block.iter("node")]
-    if not nodes:
-        raise VisceraError("its <Mesh> holds no <Nodes>")
-    points = np.array([_numbers(node, float) for node in nodes])
-    number = {int(node.attrib["id"]): i for i, node in enumerate(nodes)}
-
+    _require_one_in_place(mesh)
+    points, number = _points(mesh)
     elements: dict[str, list[list[int]]] = {}
-    place: dict[int, int] = {}
+    place: dict[int, list[int]] = {}
     parts: dict[str, list[int]] = {}
     for block in mesh.iter("Elements"):
         for element in block:
             kind = block.get("type", element.tag).lower()
             listed = elements.setdefault(KINDS.get(kind, kind), [])
             if KINDS.get(kind) in ("tetra", "tetra10"):  # a mesh is of one of them alone
-                place[int(element.get("id", -1))] = len(listed)
+                place.setdefault(int(element.get("id", -1)), []).append(len(listed))
                 parts.setdefault(block.get("name", ""), []).append(len(listed))
             listed.append(_nodes(element, number))
     cell_sets = {name: np.array(cells) for name, cells in parts.items() if name and [*parts] != [WHOLE]}
     for group in mesh.iter("ElementSet"):
         ids = _numbers(group, int) or [int(element.attrib["id"]) for element in group]
-        cells = sorted({place[i] for i in ids if i in place})
+        twice = next((i for i in ids if len(place.get(i, [])) > 1), None)
+        if twice is not None:
+            raise VisceraError(f"{_called(group)} names element {twice}, and two elements have that number; {APART}")
+        cells = sorted({cell for i in ids for cell in place.get(i, [])})
         if cells and group.get("name"):
             cell_sets[group.attrib["name"]] = np.array(cells)
 
@@ -66,6 +68,37 @@ def read(data: bytes) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
         if members and group.get("name"):
             sets[group.attrib["name"]] = np.unique(members)
     return points, {kind: np.array(listed) for kind, listed in elements.items()}, sets, cell_sets
+
+
+def _points(mesh: ET.Element) -> tuple[NDArray[Any], dict[int, int]]:
+    """The places of the nodes, and their indices by number."""
+    nodes = [node for block in mesh.iter("Nodes") for node in block.iter("node")]
+    if not nodes:
+        raise VisceraError("its <Mesh> holds no <Nodes>")
+    index: dict[int, int] = {}
+    for i, node in enumerate(nodes):
+        number = int(node.attrib["id"])
+        if index.setdefault(number, i) != i:
+            raise VisceraError(f"two nodes have the number {number}; {APART}")
+    return np.array([_numbers(node, float) for node in nodes]), index
+
+
+def _require_one_in_place(mesh: ET.Element) -> None:
+    """Refuses instances that move the nodes of their part, or show it again."""
+    parts: set[str] = set()
+    for instance in mesh.iter("Instance"):
+        part = instance.get("part", "")
+        if part in parts:
+            raise VisceraError(
+                f"{_called(instance)} is the second of the part {part!r}, which is not read; write it out"
+            )
+        parts.add(part)
+        moves = [way for way in instance.iter() if set(_numbers(way, float)) - {UNMOVED.get(way.tag)}]
+        if moves:
+            raise VisceraError(
+                f"{_called(instance)} moves the nodes of its part by <{moves[0].tag}>, which is not read; write the "
+                "nodes where they are to stand"
+            )
 
 
 def write(
