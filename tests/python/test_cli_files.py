@@ -287,3 +287,15 @@ def test_a_refusal_is_not_written_over_the_file_that_is_wrong(folder: Path) -> N
         assert (folder / "wrong.toml").read_text() == "mesh = 3\n"
     assert main(["solve", "wrong.toml", "--json", "a.json"]) == 2
     assert '"bad input"' in (folder / "a.json").read_text(), "elsewhere it is"
+
+
+def test_batches_of_a_linked_model_lie_beside_the_model_itself(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(made)
+    link, batches = tmp_path / "link.viscera", tmp_path / "real" / "model.viscera.batches"
+    batches.mkdir(parents=True)  # so that none can be kept there
+    link.symlink_to(tmp_path / "real" / "model.viscera")
+    assert main(["reduce", "case.toml", "-o", str(link)]) == 2
+    assert f"{batches} is a folder" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link.viscera", "real"]

@@ -14,6 +14,7 @@ from viscera import progress
 from viscera.cli.options import add_organ, add_reduction, case_of
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
+from viscera.files.atomic import followed
 from viscera.output.kind import CASE, MESH, model_path, require
 from viscera.reduced.checkpoint import SUFFIX, Checkpoint
 from viscera.reduced.touch import Touch
@@ -39,7 +40,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     target = model_path(wanted)
     organ = output.organ(case)
     began = perf_counter()
-    kept = Checkpoint(target.with_name(target.name + SUFFIX), output.say)
+    real = followed(target)  # beside the file itself, where another command of it finds them, too
+    kept = Checkpoint(real.with_name(real.name + SUFFIX), output.say)
     kept_at = f"finished positions are kept in {kept.path}, and the same command goes on from there"
     try:
         with progress.bar(output.is_quiet) as bar:
