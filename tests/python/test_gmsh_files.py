@@ -192,14 +192,15 @@ def test_gmsh_2_tags_with_a_wide_gap_take_no_memory(tmp_path: Path) -> None:
 
 
 HUGE = 2**60
+FEWER = "cut short: there are fewer numbers in its $Nodes than it declares"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
         ("$Nodes\n1 5 1 5", "$Nodes\n1 6 1 5", "damaged: its header declares 6 nodes, and its blocks hold 5"),
-        ("$Nodes\n1 5 1 5", f"$Nodes\n{HUGE} 5 1 5", "cut short: its $Nodes holds fewer numbers than it declares"),
-        ("3 1 0\n5\n", f"3 1 0\n{HUGE}\n", "cut short: its $Nodes holds fewer numbers than it declares"),
+        ("$Nodes\n1 5 1 5", f"$Nodes\n{HUGE} 5 1 5", FEWER),
+        ("3 1 0\n5\n", f"3 1 0\n{HUGE}\n", FEWER),
         ("3 1 0\n5\n1\n", "3 1 0\n5\n2\n", "it has two nodes of number 2"),
         ("3 1 0\n5\n1\n", "3 1 0\n5\n1.5\n", "damaged: 1.5 stands in its $Nodes where a whole number is due"),
         ("3 1 0\n5\n1\n", "3 1 0\n5\n9\n", "damaged: an element names node 1, which is not there"),
@@ -225,11 +226,18 @@ def test_a_cut_or_damaged_binary_file_of_gmsh_is_refused_and_takes_no_memory(tmp
         with pytest.raises(VisceraError, match=r"a\.msh: (cut short|damaged|it has no tetrahedra)"):
             read(tmp_path, data[:length])
     start = data.index(b"$Nodes\n") + len(b"$Nodes\n") + 4 * 8 + 3 * 4
-    for at, sentence in ((start + 6, "cut short: its $Nodes holds"), (start + 8 + 6, "an element names node 1, which")):
-        damaged = bytearray(data)
-        damaged[at] = 4
+    for at, sentence in ((start + 6, FEWER), (start + 8 + 6, "an element names node 1, which")):
         with pytest.raises(VisceraError, match=re.escape(sentence)):
-            read(tmp_path, bytes(damaged))
+            read(tmp_path, data[:at] + b"\4" + data[at + 1 :])
+    said = []
+    for at in range(data.index(b"$Entities"), len(data)):
+        (tmp_path / "a.msh").write_bytes(data[:at] + bytes([data[at] ^ 0x81]) + data[at + 1 :])
+        try:
+            vs.read(tmp_path / "a.msh")
+        except VisceraError as error:
+            said.append(str(error))
+    assert said
+    assert not [sentence for sentence in said if "not a readable" in sentence]
 
 
 def test_a_volume_in_two_groups_of_gmsh_2_is_read_once(tmp_path: Path) -> None:

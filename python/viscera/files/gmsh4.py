@@ -9,11 +9,8 @@ and every file of version 4.0.
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from meshio._common import num_nodes_per_cell
@@ -21,63 +18,13 @@ from meshio.gmsh.common import _gmsh_to_meshio_order, _gmsh_to_meshio_type
 from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
-from viscera.files.text import is_number
-from viscera.quantity import brief
+from viscera.files.numbers import INT, REAL, Numbers, parsed
 
 FORMAT = re.compile(rb"^\$MeshFormat\s+(\d+(?:\.\d+)?)\s+([01])\s+(\d+)[ \t]*\r?\n", re.MULTILINE)
-INT, REAL = "i4", "f8"
 
 Blocks = list[tuple[str, NDArray[np.int64]]]
 Groups = dict[tuple[int, int], dict[int, NDArray[np.int64]]]
 """Members by dimension and tag of the group: the indices of its elements in each block where it has some."""
-
-
-@dataclass(eq=False)
-class Numbers:
-    """The numbers of a section, taken in turn: of ASCII all are there already, of binary they are read by their kinds.
-
-    No more is ever taken than is there, whatever a damaged count says.
-    """
-
-    section: str
-    source: bytes | NDArray[np.float64]
-    order: str
-    at: int = 0
-
-    def table(self, count: int, *columns: tuple[str, int]) -> list[NDArray[Any]]:
-        """Rows with columns of one kind side by side: an array (count, width) for each (kind, width)."""
-        if isinstance(self.source, bytes):
-            row = np.dtype([(f"c{k}", self.order + kind, (width,)) for k, (kind, width) in enumerate(columns)])
-            self._require(count * row.itemsize)
-            rows = np.frombuffer(self.source, row, count, self.at)
-            self.at += count * row.itemsize
-            return [rows[name] for name in row.names or ()]
-        width = sum(w for _, w in columns)
-        self._require(count * width)
-        flat = self.source[self.at : self.at + count * width].reshape(count, width)
-        self.at += count * width
-        parts = np.split(flat, np.cumsum([w for _, w in columns])[:-1], axis=1)
-        return [self._as(kind, part) for (kind, _), part in zip(columns, parts, strict=True)]
-
-    def row(self, kind: str, count: int) -> list[Any]:
-        """The next numbers of one kind."""
-        return self.table(1, (kind, count))[0][0].tolist() if count else []
-
-    def skip(self, kind: str, count: int) -> None:
-        """Passes over the next numbers of one kind."""
-        self.table(1, (kind, count))
-
-    def _as(self, kind: str, part: NDArray[np.float64]) -> NDArray[Any]:
-        if kind == REAL:
-            return part
-        wrong = part[part != np.round(part)]
-        if len(wrong):
-            raise VisceraError(f"damaged: {wrong[0]} stands in its ${self.section} where a whole number is due")
-        return part.astype(np.int64)
-
-    def _require(self, size: int) -> None:
-        if size > len(self.source) - self.at:
-            raise VisceraError(f"cut short: its ${self.section} holds fewer numbers than it declares")
 
 
 class File:
@@ -104,12 +51,12 @@ class File:
             return
         end = b"$End" + name.encode()
         if self.is_binary:
-            numbers = Numbers(name, self.data[start.end() :], self.order)
+            numbers = Numbers(f"${name}", self.data[start.end() :], self.order)
             yield numbers
             is_over = self.data[start.end() + numbers.at :].lstrip().startswith(end)
         else:
             text, mark, _ = self.data[start.end() :].partition(end)
-            numbers = Numbers(name, _parsed(name, text), self.order)
+            numbers = Numbers(f"${name}", parsed(f"${name}", text.decode("latin-1")), self.order)
             yield numbers
             is_over = bool(mark) and numbers.at == len(numbers.source)
         if not is_over:
@@ -142,16 +89,6 @@ def read(data: bytes) -> tuple[NDArray[np.float64], Blocks, Groups]:
         for physical in physicals.get(entity, ()):
             groups.setdefault((entity[0], physical), {})[k] = np.arange(len(nodes))
     return points, blocks, groups
-
-
-def _parsed(section: str, text: bytes) -> NDArray[np.float64]:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # of a word that is no number, before NumPy 2.4
-            return np.fromstring(text.decode("latin-1"), sep=" ")
-    except (ValueError, DeprecationWarning):
-        word = next((word for word in text.decode("latin-1").split() if not is_number(word)), "")
-        raise VisceraError(f"damaged: {brief(word)} stands in its ${section} where a number is due") from None
 
 
 def _physicals(file: File, name: str) -> dict[tuple[int, int], list[int]]:

@@ -1,5 +1,5 @@
-"""Reading and writing mesh files: by meshio, FEBio files by `febio`; `gmsh` reads those of Gmsh, `abaqus` those of
-Abaqus, and `vtk` those of VTK. The meshes are not checked here; `mesh` does that.
+"""Reading and writing mesh files: meshio writes them, and `vtk`, `gmsh`, `medit` and `abaqus` read those of one format
+each; `febio` does both. The meshes are not checked here; `mesh` does that.
 
 Node sets are found where each format keeps them; sets without a name in the file are called after where they were
 found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
@@ -78,7 +78,7 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
     ending = _known_ending(path)
     try:
-        found = (*febio.read(path.read_bytes()), ()) if ending == ".feb" else _read_meshio(path, ending)
+        found = (*febio.read(path.read_bytes()), ()) if ending == ".feb" else _read_grid(path, ending)
         points, blocks, sets, cell_sets, messages = found
         axes = stated_axes(path) if ending == ".vtu" else ""
         if axes and scale != 1.0:
@@ -249,16 +249,13 @@ def _known_ending(path: Path) -> str:
 Arrays = dict[str, NDArray[Any]]
 
 
-OWN_READERS = {".inp": "abaqus", ".msh": "gmsh", ".vtu": "vtk", ".vtk": "vtk"}
-"""Modules here that read in place of those of meshio."""
+READERS = {".vtu": "vtk", ".vtk": "vtk", ".msh": "gmsh", ".mesh": "medit", ".meshb": "medit", ".inp": "abaqus"}
+"""Modules here that read a format into a mesh of meshio."""
 
 
-def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays, tuple[str, ...]]:
+def _read_grid(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays, tuple[str, ...]]:
     """Points, node indices of the cells by kind, node sets, cell sets, and what the reader has to say."""
-    # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
-    own = OWN_READERS.get(ending)
-    reader = importlib.import_module(f"viscera.files.{own}" if own else f"meshio.{MESHIO_MODULES[ending]}")
-    found = reader.read(path)
+    found = importlib.import_module(f"viscera.files.{READERS[ending]}").read(path)
     kinds = dict.fromkeys(block.type for block in found.cells)
     blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
     sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
