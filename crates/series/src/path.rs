@@ -13,7 +13,9 @@ mod reach;
 mod tests;
 
 use crate::body::{Body, Curvature};
-use crate::equilibrium::{ConstrainedSystem, Method, Pressure, Rounding, Tangent, dofs_of};
+use crate::equilibrium::{
+    ConstrainedSystem, Method, Pressure, Rounding, Tangent, dofs_of, require_series_about_rest,
+};
 use crate::error::Error;
 use crate::linear::{FactorError, gmres};
 use crate::number::Monomials;
@@ -94,7 +96,7 @@ impl Continuation {
     /// every expansion and may stop it.
     ///
     /// # Errors
-    /// Bad settings, force or pressure; a singular tangent at rest; a stop on request; switches of the law that let the path
+    /// Bad settings, force or pressure; a law without a power series about rest; a singular tangent there; a stop on request; switches of the law that let the path
     /// go no further in `max_expansions`, or at all. Any other path that ends early (its load not reached in
     /// `max_expansions`, or a singular tangent) is returned as far as it goes.
     pub fn follow(
@@ -116,6 +118,7 @@ impl Continuation {
                 "a series does not know springs and cables; leave them out, or solve in load steps",
             ));
         }
+        require_series_about_rest(body)?;
         let mut follower = Follower {
             settings: *self,
             body,

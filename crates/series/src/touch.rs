@@ -15,7 +15,7 @@ mod on_device;
 pub use self::fields::Fields;
 pub use self::on_device::SeriesDevice;
 use crate::body::Body;
-use crate::equilibrium::ConstrainedSystem;
+use crate::equilibrium::{ConstrainedSystem, require_series_about_rest};
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::{Lanes, Monomials, WIDTH, Wide};
@@ -48,11 +48,12 @@ impl<'a> TouchExpansion<'a> {
     /// Expansions of the given order about the equilibrium `base` with `fixed` nodes held.
     ///
     /// # Errors
-    /// An order outside 1..=8; a base state that is not stable.
+    /// An order outside 1..=8; a law without a power series about rest; a base state that is not stable.
     pub fn new(body: &'a Body, fixed: &[u32], base: Vec<f64>, order: usize) -> Result<Self, Error> {
         if !(1..=8).contains(&order) {
             return Err(Error::input(format!("order {order}; it must be between 1 and 8")));
         }
+        require_series_about_rest(body)?;
         let system = ConstrainedSystem::at(body, &base, fixed)?;
         Ok(TouchExpansion { body, system, base, order, device: None })
     }

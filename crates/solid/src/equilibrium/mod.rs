@@ -1,6 +1,7 @@
 //! Equilibrium: find `u` with `f_int(u) = f_ext`, some of its components and weighted means
 //! prescribed.
 
+mod analytic;
 mod compliance;
 mod domain;
 mod ending;
@@ -17,6 +18,7 @@ mod tangent;
 #[cfg(test)]
 mod tests;
 
+pub use analytic::require_series_about_rest;
 pub use compliance::Compliance;
 pub use iteration::{Iteration, Limits, Rounding, Stop, backtrack, iterate};
 pub use newton::Newton;
