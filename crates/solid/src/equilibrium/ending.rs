@@ -58,18 +58,28 @@ pub(super) enum Cut {
     Cancelled,
 }
 
-/// Load and `|du/dload|` of the last two equilibria from which a step started, the newest last.
-pub(super) struct Slopes([(f64, f64); 2]);
+/// How an equilibrium moves with the load.
+#[derive(Clone, Copy)]
+pub(super) struct Slope {
+    pub load: f64,
+    /// `|du/dload|`.
+    pub length: f64,
+    /// `du . K du / |du|^2`, the stiffness along the path.
+    pub stiffness: f64,
+}
+
+/// The slopes of the last two equilibria from which a step started, the newest last.
+pub(super) struct Slopes([Slope; 2]);
 
 impl Slopes {
     pub fn new() -> Self {
-        Slopes([(f64::NEG_INFINITY, 0.0); 2])
+        Slopes([Slope { load: f64::NEG_INFINITY, length: 0.0, stiffness: 0.0 }; 2])
     }
 
     /// Adds an equilibrium, unless it is the newest already.
-    pub fn note(&mut self, load: f64, slope: f64) {
-        if load > self.0[1].0 {
-            self.0 = [self.0[1], (load, slope)];
+    pub fn note(&mut self, slope: Slope) {
+        if slope.load > self.0[1].load {
+            self.0 = [self.0[1], slope];
         }
     }
 
@@ -78,14 +88,16 @@ impl Slopes {
     ///
     /// Next to a limit point the displacement goes with the root of the distance in load, so `1/|du/dload|^2` falls
     /// linearly to zero. Below the buckling load of a body that is not quite straight it falls as fast, but not to zero: two
-    /// slopes do not tell one from the other.
+    /// slopes do not tell one from the other. A body that locks moves ever faster as well, where it does not lock yet, but it
+    /// stiffens along the path. Towards a singular tangent the stiffness falls, below zero where the body drives what moves it.
     pub fn singular_point(&self, load: f64, reach: f64) -> Option<f64> {
-        let [(before, slow), (last, fast)] = self.0;
-        if last != load || !before.is_finite() || !(fast > slow) {
+        let [before, last] = self.0;
+        let is_softer = last.stiffness < before.stiffness.max(0.0);
+        if last.load != load || !before.load.is_finite() || !(last.length > before.length) {
             return None;
         }
-        let left = (last - before) / ((fast / slow).powi(2) - 1.0);
-        (left <= reach).then_some(last + left)
+        let left = (last.load - before.load) / ((last.length / before.length).powi(2) - 1.0);
+        (is_softer && left <= reach).then_some(last.load + left)
     }
 }
 

@@ -171,13 +171,14 @@ impl<'r, 'a> LoadStep<'r, 'a> {
     /// proportion, the series of the path replaces it; returns whether it did.
     fn lead(&mut self, step: &[f64], part: f64) -> Result<bool, Cut> {
         let LoadStep { run, u, load, force, .. } = self;
-        run.note_slope(step, *load);
+        let mut along = vec![0.0; u.len()];
+        run.tangent.multiply(step, &mut along);
+        run.note_slope(step, &along, *load);
         if part < 1.0 || self.unstable.is_some() {
             return Ok(false);
         }
-        let is_sound = !run.follows_series && run.is_in_proportion(u, step, force);
-        let has_series = run.contact.is_empty() && !run.body().has_links();
-        if !has_series || is_sound {
+        let is_sound = !run.follows_series && run.is_in_proportion(u, step, force, &along);
+        if is_sound || !run.has_series() {
             return Ok(false);
         }
         if run.defers_to_factor() {

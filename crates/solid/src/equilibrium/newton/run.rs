@@ -5,8 +5,9 @@ use super::listener::while_wanted;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::{Contact, Met};
+use crate::equilibrium::analytic::require_series_about_rest;
 use crate::equilibrium::domain::{NoEnergy, check_start};
-use crate::equilibrium::ending::{Cut, Ending, Fall, Slopes, unsound_cell};
+use crate::equilibrium::ending::{Cut, Ending, Fall, Slope, Slopes, unsound_cell};
 use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::outcome::{Equilibrium, Seconds};
 use crate::equilibrium::predictor::Predictor;
@@ -18,6 +19,7 @@ use crate::equilibrium::tangent::Tangent;
 use crate::error::Error;
 use crate::law::LINEAR;
 use crate::linear::FactorError;
+use crate::number::dot;
 use std::sync::Arc;
 
 /// Residual at which conjugate gradients have met whatever negative curvature there is. A force that holds something of all
@@ -56,6 +58,8 @@ pub(super) struct Run<'a> {
     pub(super) unfinished: usize,
     /// Whether a load step has failed, so that the next ones follow the series of the path.
     pub(super) follows_series: bool,
+    /// Whether there is such a series, once that has been asked.
+    pub(super) is_analytic: Option<bool>,
     /// Part of the load that the load step in progress is to add.
     pub(super) tried: f64,
     pub(super) factorizations: usize,
@@ -124,6 +128,7 @@ impl<'a> Run<'a> {
             fall: None,
             unfinished: 0,
             follows_series: false,
+            is_analytic: None,
             tried: 0.0,
             factorizations: 0,
             linear_iterations: 0,
@@ -319,6 +324,15 @@ impl<'a> Run<'a> {
         (out, told, norm)
     }
 
+    /// Whether the path is a power series as far as the law goes, and nothing but it resists.
+    pub(super) fn has_series(&mut self) -> bool {
+        let body = self.body();
+        let is_analytic = || require_series_about_rest(body).is_ok();
+        self.contact.is_empty()
+            && !body.has_links()
+            && *self.is_analytic.get_or_insert_with(is_analytic)
+    }
+
     /// Where the series of the path leads from the equilibrium `u`: load, displacement and patch forces.
     pub(super) fn predict(
         &mut self,
@@ -354,11 +368,12 @@ impl<'a> Run<'a> {
         Ok(predicted)
     }
 
-    /// The first step of a load step is the tangent of the path.
-    pub(super) fn note_slope(&mut self, step: &[f64], load: f64) {
+    /// The first step of a load step is the tangent of the path; `forces` is the tangent times it.
+    pub(super) fn note_slope(&mut self, step: &[f64], forces: &[f64], load: f64) {
         let free = step.iter().enumerate().filter(|&(dof, _)| !self.solver.is_held(dof));
         let square: f64 = free.map(|(_, s)| s.powi(2)).sum();
-        self.slopes.note(self.load, square.sqrt() / (load - self.load));
+        let (length, stiffness) = (square.sqrt() / (load - self.load), dot(step, forces) / square);
+        self.slopes.note(Slope { load: self.load, length, stiffness });
     }
 
     pub(super) fn finish(mut self, cut: Option<Cut>, step: f64) -> Equilibrium {

@@ -147,14 +147,19 @@ impl Run<'_> {
         Ok((step, change, solved.indefinite))
     }
 
-    /// Whether the energy of a linear step is about that predicted by its tangent, and no cell is inverted.
-    pub(super) fn is_in_proportion(&self, u: &[f64], step: &[f64], force: &[f64]) -> bool {
+    /// Whether the energy of a linear step is about that predicted by its tangent, and no cell is inverted; `product` is the
+    /// tangent times the step.
+    pub(super) fn is_in_proportion(
+        &self,
+        u: &[f64],
+        step: &[f64],
+        force: &[f64],
+        product: &[f64],
+    ) -> bool {
         let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
-        let mut product = vec![0.0; u.len()];
-        self.tangent.multiply(step, &mut product);
         let dot = |a: &[f64]| a.iter().zip(step).map(|(a, s)| a * s).sum::<f64>();
         let taken = self.body().energy(&trial) - self.body().energy(u) - dot(force);
-        let bound = STRETCHED * 0.5 * dot(&product).abs();
+        let bound = STRETCHED * 0.5 * dot(product).abs();
         self.rounding.is_no_higher(taken, bound, 0.0)
     }
 

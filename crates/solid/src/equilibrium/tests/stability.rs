@@ -75,3 +75,66 @@ fn an_ordinary_solution_needs_no_tangent_to_say_that_it_is_stable() {
         assert!(state.iterations >= iterations && state.factorizations == state.iterations);
     }
 }
+
+/// A cube clamped below, its top pulled up to three times its height.
+fn drawn(law: &str, row: Vec<f64>) -> Equilibrium {
+    let (points, cells) = block([3, 3, 3], [0.1; 3]);
+    let body = Body::new(points, cells, Material::new(law, vec![row]).unwrap()).unwrap();
+    let nodes = (0u32..).zip(body.points());
+    let ends = nodes.filter(|(_, x)| x[2] == 0.0 || (x[2] - 0.1).abs() < 1e-12);
+    let held = ends.flat_map(|(n, x)| [(3 * n, 0.0), (3 * n + 1, 0.0), (3 * n + 2, 2.0 * x[2])]);
+    solve(&problem(&body, held.collect()))
+}
+
+/// Next to the pole of its energy a body moves ever faster where it does not lock yet, as next to a limit point, but it
+/// resists more and more.
+#[test]
+fn a_body_that_locks_is_not_told_as_next_to_a_limit_point() {
+    for (energy, row) in [
+        ("-mu*Jm/2*log(1 - (I1bar - 3)/Jm) + k*log(J)**2", vec![1e3, 0.3, 5e3]),
+        ("-mu*Jm/2*log(1 - (I1 - 3)/Jm) - mu*log(J) + k*log(J)**2", vec![1e3, 0.5, 2e3]),
+        (
+            "mu/2*(I1bar - 3) + k*log(J)**2 - q*log(1 - ((I4 - 1)/a)**2)",
+            vec![1e3, 5e3, 1e2, 0.3, 0.0, 0.0, 1.0],
+        ),
+    ] {
+        let state = drawn(&format!("formula {energy}"), row);
+        assert_eq!(state.status, Status::StepTooSmall, "{energy}: {}", state.message);
+        let said = state.message.contains("to where its law has no energy");
+        assert!(said && !state.message.contains("singular"), "{energy}: {}", state.message);
+    }
+}
+
+/// A bar that softens, of which a part is weaker: when that yields, the rest springs back.
+#[test]
+fn a_bar_that_snaps_back_is_told_as_next_to_a_limit_point() {
+    let (points, cells) = block([3, 1, 1], SIZE);
+    let is_weak = |cell: &[u32; 4]| cell.iter().all(|&n| points[n as usize][0] < 0.34 * SIZE[0]);
+    let part = |cell| if is_weak(cell) { 0.95 } else { 1.0 };
+    let rows = cells.iter().map(|cell| vec![part(cell) * MU, part(cell) * LAM]).collect();
+    let law = Material::new("saint_venant_kirchhoff", rows).unwrap();
+    let body = Body::new(points.clone(), cells.clone(), law).unwrap();
+    let planes = (0..3)
+        .flat_map(|axis| face(&body, axis, 0).into_iter().map(move |n| (3 * n + axis as u32, 0.0)));
+    let end = face(&body, 0, 1).into_iter().map(|n| (3 * n, -0.6 * SIZE[0]));
+    let state = solve(&problem(&body, planes.chain(end).collect()));
+    assert_eq!(state.status, Status::LimitPoint, "{}", state.message);
+}
+
+/// Its first steps would stretch it out of proportion; the series that takes their place does not exist.
+#[test]
+fn a_law_without_a_power_series_is_solved_by_linear_steps() {
+    let (points, cells) = block([12, 1, 1], [0.3, 0.02, 0.02]);
+    let energy = "formula mu/2*(I1bar - 3) + k*log(J)**2 + mu*max(I1bar - 3, 0)**n";
+    let law = Material::new(energy, vec![vec![1e4, 1e5, 2.5]]).unwrap();
+    let body = Body::new(points, cells, law).unwrap();
+    let ends = (0u32..).zip(body.points());
+    let held =
+        ends.filter(|(_, x)| x[0] == 0.0).flat_map(|(n, _)| (0..3).map(move |i| (3 * n + i, 0.0)));
+    let mut load = problem(&body, held.collect());
+    for (n, _) in (0..).zip(body.points()).filter(|(_, x)| (x[0] - 0.3).abs() < 1e-12) {
+        load.force[3 * n + 2] = -0.02;
+    }
+    let state = solve(&load);
+    assert_eq!(state.status, Status::Converged, "{}", state.message);
+}
