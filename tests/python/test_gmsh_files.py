@@ -300,6 +300,16 @@ def test_gmsh_files_of_the_first_version_are_read(bar: vs.Mesh, tmp_path: Path) 
     assert found.cell_sets["physical:3:2"].tolist() == list(range(100, len(bar.cells)))
 
 
+def test_elements_of_gmsh_2_with_their_partitions_print_nothing(
+    bar: vs.Mesh, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bar.write(tmp_path / "bar.msh")
+    text = (tmp_path / "bar.msh").read_text()
+    (tmp_path / "bar.msh").write_text(re.sub(r"^(\d+ 4) 2 (\d+ \d+)", r"\1 4 \2 1 3", text, flags=re.MULTILINE))
+    assert np.array_equal(vs.read(tmp_path / "bar.msh").cells, bar.cells)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_volume_in_two_groups_of_gmsh_1_is_read_once(tmp_path: Path) -> None:
     points = np.array(POINTS)
     cells = [(4, 3, [0, 1, 2, 3]), (4, 5, [0, 1, 2, 3]), (4, 5, [1, 2, 3, 4])]

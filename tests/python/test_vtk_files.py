@@ -231,3 +231,18 @@ def test_a_compressed_block_is_inflated_no_further_than_it_states(
                 vs.read(path)
         else:
             assert np.array_equal(vs.read(path).cells, bar.cells)
+
+
+def test_an_array_that_does_not_fit_its_components_is_not_left_out(
+    bar: vs.Mesh, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bar.write(tmp_path / "a.vtu")
+    data = (tmp_path / "a.vtu").read_bytes()
+    name = b'Name="set:root"'
+    assert data.count(name) == 1
+    (tmp_path / "a.vtu").write_bytes(data.replace(name, name + b' NumberOfComponents="7"'))
+    with pytest.raises(
+        VisceraError, match="its array 'set:root' holds a number of values that is no multiple of its 7"
+    ):
+        vs.read(tmp_path / "a.vtu")
+    assert capfd.readouterr() == ("", "")

@@ -63,12 +63,13 @@ def _joined(found: meshio.Mesh) -> gmsh4.Groups:
     found.cell_data.pop("gmsh:geometrical", None)
     groups: gmsh4.Groups = {}
     for k, (block, of_group) in enumerate(zip(found.cells, tags, strict=False)):
+        of_group = np.abs(of_group)
         first, number = _copies(block.data, of_group)
         block.data = block.data[first]
         for arrays in found.cell_data.values():
             arrays[k] = arrays[k][first]
         for tag in np.unique(of_group[of_group != 0]).tolist():
-            groups.setdefault((block.dim, abs(tag)), {})[k] = np.unique(number[of_group == tag])
+            groups.setdefault((block.dim, tag), {})[k] = np.unique(number[of_group == tag])
     return groups
 
 

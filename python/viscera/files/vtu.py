@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import lzma
 import re
+import xml.etree.ElementTree as ET
 import zlib
 from itertools import pairwise
 from pathlib import Path
@@ -17,10 +18,12 @@ from typing import Any, Literal
 
 import meshio
 import numpy as np
+from meshio._exceptions import CorruptionError
 from meshio.vtu import _vtu
 from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
+from viscera.quantity import brief
 
 ROOT = re.compile(rb"<VTKFile\b[^>]*>")
 ATTRIBUTE = rb"\b%s\s*=\s*[\"']([^\"']*)"
@@ -61,7 +64,16 @@ def require_stated_sizes(data: bytes) -> None:
 
 
 class _Reader(_vtu.VtuReader):  # type: ignore[misc]
-    """meshio's reader, with blocks that are inflated as far as they state."""
+    """meshio's reader, with blocks that are inflated as far as they state, and no array left out."""
+
+    def read_data(self, c: ET.Element) -> NDArray[Any]:
+        try:
+            return np.asarray(super().read_data(c))
+        except CorruptionError:  # which meshio prints, and goes on without the array
+            name, width = brief(c.get("Name", "")), c.get("NumberOfComponents")
+            raise VisceraError(
+                f"damaged: its array {name} holds a number of values that is no multiple of its {width} components"
+            ) from None
 
     def read_compressed_binary(self, data: str, dtype: np.dtype[Any]) -> NDArray[Any]:
         order: Literal["<", ">", "="] = ORDERS.get(self.byte_order, "=")
