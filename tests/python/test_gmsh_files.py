@@ -310,6 +310,25 @@ def test_elements_of_gmsh_2_with_their_partitions_print_nothing(
     assert capfd.readouterr() == ("", "")
 
 
+def test_what_is_not_read_of_gmsh_2_is_told(bar: vs.Mesh, tmp_path: Path) -> None:
+    bar.write(tmp_path / "bar.msh")
+    text = (tmp_path / "bar.msh").read_text().replace("Nodes", "ParametricNodes")
+    (tmp_path / "bar.msh").write_text(text)
+    with pytest.raises(
+        VisceraError, match=r"bar\.msh: its nodes have their places on the geometry, too.*SaveParametric"
+    ):
+        vs.read(tmp_path / "bar.msh")
+    meshio.gmsh.write(str(tmp_path / "bar.msh"), gmsh_mesh(bar), fmt_version="2.2", binary=True)
+    data = (tmp_path / "bar.msh").read_bytes()
+    first = data.index(b"$Nodes\n") + len(b"$Nodes\n81\n")
+    assert data[first : first + 4] == struct.pack("<i", 1)
+    (tmp_path / "bar.msh").write_bytes(data[:first] + struct.pack("<i", 99) + data[first + 4 :])
+    with pytest.raises(
+        VisceraError, match=r"binary of version 2 with .* gaps .*; let Gmsh save it as version 4\.1, or"
+    ):
+        vs.read(tmp_path / "bar.msh")
+
+
 def test_a_volume_in_two_groups_of_gmsh_1_is_read_once(tmp_path: Path) -> None:
     points = np.array(POINTS)
     cells = [(4, 3, [0, 1, 2, 3]), (4, 5, [0, 1, 2, 3]), (4, 5, [1, 2, 3, 4])]

@@ -27,7 +27,9 @@ def read(path: Path) -> meshio.Mesh:
         points, blocks, groups = gmsh4.read(data)
         found = meshio.Mesh(points, blocks)
     else:
-        found = _in_one_block_of_each_kind(gmsh1.read(path) if data.lstrip().startswith(b"$NOD") else _second(path))
+        found = _in_one_block_of_each_kind(
+            gmsh1.read(path) if data.lstrip().startswith(b"$NOD") else _second(data, path)
+        )
         groups = _joined(found)
     names = gmsh_names.read(data)
     _add_node_sets(found, groups, names)
@@ -35,14 +37,27 @@ def read(path: Path) -> meshio.Mesh:
     return found
 
 
-def _second(path: Path) -> meshio.Mesh:
+def _second(data: bytes, path: Path) -> meshio.Mesh:
     """A file of version 2, as meshio reads it."""
-    data = path.read_bytes()
     gmsh_tags.require_room(data)
+    if b"$ParametricNodes" in data:
+        raise VisceraError(
+            "its nodes have their places on the geometry, too, which is not read in version 2; let Gmsh save it as "
+            "version 4.1, or without Mesh.SaveParametric"
+        )
     if b"$Elements" in data and b"$EndElements" not in data:  # which meshio takes for whole
         raise VisceraError("cut short: it ends before $EndElements")
-    with redirect_stderr(io.StringIO()):  # where it says that it passes over the partitions of elements
-        return meshio.gmsh.read(path)
+    try:
+        with redirect_stderr(io.StringIO()):  # where it says that it passes over the partitions of elements
+            return meshio.gmsh.read(path)
+    except (meshio.ReadError, ValueError):
+        version = gmsh4.FORMAT.search(data)
+        if version is None or version[2] == b"0":
+            raise
+        raise VisceraError(
+            "damaged, or binary of version 2 with partitions or with gaps between the numbers of its nodes, which is "
+            "not read; let Gmsh save it as version 4.1, or in ASCII"
+        ) from None
 
 
 def _in_one_block_of_each_kind(found: meshio.Mesh) -> meshio.Mesh:
