@@ -58,7 +58,7 @@ class File:
             text, mark, _ = self.data[start.end() :].partition(end)
             numbers = Numbers(f"${name}", parsed(f"${name}", text.decode("latin-1")), self.order)
             yield numbers
-            is_over = bool(mark) and numbers.at == len(numbers.source)
+            is_over = bool(mark) and numbers.is_over
         if not is_over:
             raise VisceraError(f"damaged or cut short: ${end.decode()[1:]} is not where its ${name} is over")
 
