@@ -136,19 +136,19 @@ impl Enrichment {
         residual: &[f64],
         weights: &[f64],
     ) -> Result<Option<Pair>, Error> {
-        let mut position = start(residual, system.n_free());
+        let mut position = start(residual, system.n_free())?;
         let mut iterations = 0;
         loop {
             iterations += 1;
             let square = inner(&position, &position, weights);
-            if !(square > 0.0) {
+            if !is_left(square)? {
                 return Ok(None);
             }
             let force = combine(residual, system.n_free(), &position, weights, 1.0 / square);
             let mut space = force.clone();
             system.solve_columns(&mut space)?;
             let stiffness: f64 = space.iter().zip(&force).map(|(r, f)| r * f).sum();
-            if !(stiffness > 0.0) {
+            if !is_left(stiffness)? {
                 return Ok(None);
             }
             let next: Vec<f64> = residual
@@ -165,12 +165,23 @@ impl Enrichment {
     }
 }
 
+/// Whether something is left where a square tells. One that is no number says nothing.
+fn is_left(square: f64) -> Result<bool, Error> {
+    if square.is_finite() {
+        return Ok(square > 0.0);
+    }
+    Err(Error::input(
+        "the squares of the forces overflow; check the units of the load and of the law",
+    ))
+}
+
 /// The unit load on the position with the largest remainder: a start that always has a part in it.
-fn start(residual: &[f64], n: usize) -> Vec<f64> {
+fn start(residual: &[f64], n: usize) -> Result<Vec<f64>, Error> {
     let squares: Vec<f64> =
         residual.par_chunks(n).map(|e| e.iter().map(|x| x * x).sum::<f64>()).collect();
     let worst = (0..squares.len()).max_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
-    (0..squares.len()).map(|s| if s == worst && squares[s] > 0.0 { 1.0 } else { 0.0 }).collect()
+    let is_any = squares.get(worst).map_or(Ok(false), |&square| is_left(square))?;
+    Ok((0..squares.len()).map(|s| if is_any && s == worst { 1.0 } else { 0.0 }).collect())
 }
 
 /// `factor sum_s w_s S(s) E(s)`, summed in the same order on any number of threads.

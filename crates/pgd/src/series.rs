@@ -10,7 +10,7 @@ use super::loads::Loads;
 use super::separated::Separated;
 use crate::body::Body;
 use crate::clock::Instant;
-use crate::equilibrium::ConstrainedSystem;
+use crate::equilibrium::{ConstrainedSystem, require_series_about_rest};
 use crate::error::Error;
 use crate::number::{Monomials, WIDTH, Wide};
 use rayon::prelude::*;
@@ -65,7 +65,8 @@ impl Pgd {
     /// The series of all positions; `progress` may return false to stop.
     ///
     /// # Errors
-    /// Bad settings, a load that is zero or not finite, nothing fixed, an unstable rest state, or a stop on request.
+    /// Bad settings, a load that is zero or not finite, nothing fixed, a law without a power series about rest, an unstable
+    /// rest state, values that overflow, or a stop on request.
     pub fn run(
         &self,
         body: &Body,
@@ -78,6 +79,7 @@ impl Pgd {
         if fixed.is_empty() && body.ties().is_none() {
             return Err(Error::input("nothing is fixed; an organ that floats cannot be pushed"));
         }
+        require_series_about_rest(body)?;
         let system = ConstrainedSystem::at(body, &vec![0.0; body.n_dofs()], fixed)?;
         let mut orders: Vec<Order> = Vec::with_capacity(self.order);
         let mut setup = clock.elapsed().as_secs_f64();
@@ -91,6 +93,7 @@ impl Pgd {
                 1 => self.first_rhs(&system, loads),
                 _ => nonlinear_rhs(body, &system, &orders, loads.len(), &mut || go_on(0))?,
             };
+            self.check_finite(p, &rhs, loads)?;
             let seconds_rhs = clock.elapsed().as_secs_f64();
             let clock = Instant::now();
             let found = self.solve(&system, rhs, loads, &mut go_on)?;
@@ -119,6 +122,19 @@ impl Pgd {
         match self.route {
             Route::Greedy(enrichment) => enrichment.check(),
             Route::Direct => Ok(()),
+        }
+    }
+
+    /// Refuses the right-hand sides of an order that have left the range of finite numbers.
+    fn check_finite(&self, order: usize, rhs: &[f64], loads: &Loads) -> Result<(), Error> {
+        let mut columns = rhs.chunks_exact(rhs.len() / loads.len());
+        match columns.position(|column| column.iter().any(|f| !f.is_finite())) {
+            None => Ok(()),
+            Some(s) => Err(Error::input(format!(
+                "order {order}: the forces are not finite for the load of {:.1e} N at node {}; check its unit and those of the \
+                 law",
+                self.load, loads.positions[s]
+            ))),
         }
     }
 

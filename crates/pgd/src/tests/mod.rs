@@ -149,6 +149,47 @@ fn enrichment_converges_monotonically_by_the_energy_of_each_pair() {
     assert_eq!(found.sizes.len(), found.iterations.len());
 }
 
+/// They were taken for orders of which nothing is left.
+#[test]
+fn orders_that_are_not_finite_are_errors() {
+    let loads = BEAMS[1].loads(0.0);
+    let told = |load: f64, route: Route| {
+        let pgd = Pgd { order: 2, load, route };
+        let result = pgd.run(&BEAMS[1].body, &BEAMS[1].fixed, &loads, &mut |_| true);
+        result.map(|orders| orders.len()).unwrap_err().to_string()
+    };
+    let far = told(1e200, Route::Direct);
+    let words = format!("for the load of 1.0e200 N at node {};", BEAMS[1].top[0]);
+    assert!(far.starts_with("order 2: the forces are not finite") && far.contains(&words), "{far}");
+    let overflow = told(1e200, Route::Greedy(enrichment(0.1)));
+    assert!(overflow.starts_with("the squares of the forces overflow"), "{overflow}");
+}
+
+/// A linear law leaves nothing to the higher orders.
+#[test]
+fn orders_of_which_nothing_is_left_have_no_pairs() {
+    let beam = Beam::new("linear");
+    let orders = beam.run(Route::Greedy(enrichment(0.1)), 3, &beam.loads(0.0));
+    assert!(!orders[0].field.is_empty());
+    assert!(orders[1..].iter().all(|order| order.field.is_empty() && !order.is_cut));
+}
+
+#[test]
+fn a_formula_without_a_power_series_about_rest_is_refused() {
+    let beam = &BEAMS[0];
+    let law = "formula mu/2*(I1bar - 3) + mu*max(I1bar - 3, 0)**n + lam*log(J)**2";
+    let rows = |n: f64| vec![vec![1e4, n, 1e5]];
+    let run = |n: f64| {
+        let material = Material::new(law, rows(n)).unwrap();
+        let body = Body::new(beam.body.points().to_vec(), beam.body.cells().to_vec(), material);
+        let pgd = Pgd { order: 3, load: LOAD, route: Route::Greedy(enrichment(0.1)) };
+        pgd.run(&body.unwrap(), &beam.fixed, &beam.loads(0.0), &mut |_| true)
+    };
+    let told = run(2.5).unwrap_err().to_string();
+    assert!(told.contains("raises to the power 2.5 is zero there"), "{told}");
+    assert!(run(2.0).unwrap().iter().all(|order| !order.field.is_empty()));
+}
+
 #[test]
 fn a_limit_on_pairs_is_said() {
     let loads = BEAMS[0].loads(0.0);
