@@ -9,7 +9,7 @@ Niroomandi, Alfaro, González, Cueto and Chinesta, IJNME 96 (2013) 129; crates/p
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
@@ -47,7 +47,8 @@ class Order(Sealed):
     """One term u_p(x, s) = sum_i F_i(x) G_i(s) of the series."""
 
     F: Floats
-    """Modes in space (k, n, 3), of unit norm."""
+    """Modes in space (k, n, 3), of unit norm; none where nothing is left of the order, as beyond the first of a linear
+    law."""
     G: Floats
     """Modes over the load position (k, m) [m]."""
     sizes: Floats = field(default_factory=lambda: np.empty(0))
@@ -67,7 +68,13 @@ class Order(Sealed):
 
     def table(self) -> Floats:
         """u_p (m, 3 n) [m] of all positions."""
-        return np.asarray(self.G.T @ self.F.reshape(len(self.F), -1))
+        return np.asarray(self.G.T @ self._rows)
+
+    @property
+    def _rows(self) -> Floats:
+        """F (k, 3 n)."""
+        k, n, components = self.F.shape
+        return self.F.reshape(k, n * components)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +97,10 @@ class Pgd(Sealed):
     orders: tuple[Order, ...]
     seconds: float
     """Off-line wall time."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies and pickles: without what was found on the way, such as a surface of the core, which cannot be."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
     def counts(self) -> list[int]:
@@ -133,7 +144,7 @@ class Pgd(Sealed):
         began = perf_counter()
         orders = []
         for order in self.orders:
-            F, G = _core.compress(order.F.reshape(len(order.F), -1), order.G, self.weights, tolerance)
+            F, G = _core.compress(order._rows, order.G, self.weights, tolerance)
             orders.append(Order(F, G))
         return replace(self, orders=tuple(orders), seconds=self.seconds + perf_counter() - began)
 
@@ -246,7 +257,7 @@ class Pgd(Sealed):
     @cached_property
     def _F(self) -> Floats:
         """All modes of all orders (K, 3 n)."""
-        return np.concatenate([order.F.reshape(len(order.F), -1) for order in self.orders])
+        return np.concatenate([order._rows for order in self.orders])
 
     @cached_property
     def _G(self) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -203,6 +204,30 @@ def test_a_folder_that_cannot_be_written_to_is_refused(direct: Pgd, tmp_path: Pa
 def test_a_law_without_a_series_about_rest_is_refused(bar: vs.Mesh, law: vs.laws.Law) -> None:
     with pytest.raises(vs.VisceraError, match=r"no power series (about rest|at the point)"):
         vs.Organ(bar, law, fixed="root").pgd("tip", load=1.0, order=2)
+
+
+@pytest.mark.parametrize("tolerance", [0.05, None])
+def test_orders_without_pairs_answer_all_questions(bar: vs.Mesh, tolerance: float | None, tmp_path: Path) -> None:
+    """Of a linear law nothing is left beyond the first order; exact orders of zeros have no pairs once projected."""
+    organ = vs.Organ(bar, vs.Linear(young=1e5, poisson=0.3), fixed="root")
+    made = organ.pgd("tip", load=LOAD, order=3, tolerance=tolerance)
+    few = made.project(0.0)
+    assert few.counts[1:] == [0, 0]
+    assert few.orders[2].F.shape == (0, *bar.points.shape)
+    node = int(made.positions[0])
+    first = made.displacement(node, 0.5, order=1)
+    assert np.abs(first).max() > 0
+    for model in (made, few, made.truncated(100), few.truncated(100), pickle.loads(pickle.dumps(few))):
+        for pade in (False, True):
+            assert model.displacement(node, 0.5, pade=pade) == pytest.approx(first, rel=1e-9, abs=1e-15)
+        assert not model.series(node)[2:].any()
+        assert model.errors(made).max() < 1e-9
+        assert model.project(0.1).displacement(node, 0.5).shape == first.shape
+        assert len(model.write(tmp_path / "modes")) == 1 + max(model.counts)
+        _, file = model.write_path(tmp_path / "path", [node], 0.5)
+        assert meshio.read(file).point_data["displacement"] == pytest.approx(first, rel=1e-9, abs=1e-15)
+    table = error_analysis(few, made, terms=(1, 100), loads=(0.5,), positions=[node])
+    assert (table["worst_error"][-1] < 1e-9).all()
 
 
 def test_supports_alone_hold_an_organ(bar: vs.Mesh) -> None:

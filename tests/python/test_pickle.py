@@ -87,6 +87,16 @@ def test_a_model(bar: vs.Mesh, again: Callable[[Any], Any]) -> None:
 
 
 @copies
+def test_a_separated_series_that_has_been_asked(organ: vs.Organ, again: Callable[[Any], Any]) -> None:
+    model = organ.pgd("z > 99% and x > 70%", load=1.0, order=2)
+    at = (0.37, 0.04, 0.1)
+    asked = model.displacement(at)
+    other = again(model)
+    assert other.displacement(at).tolist() == asked.tolist()
+    assert repr(other) == repr(model)
+
+
+@copies
 def test_a_contact_patch(organ: vs.Organ, again: Callable[[Any], Any]) -> None:
     patch = organ.patch((0.4, 0.05, 0.1), "4 cm")
     other = again(patch)

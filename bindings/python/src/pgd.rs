@@ -43,7 +43,8 @@ pub fn pgd<'py>(
     let result = threads::detached(py, || {
         pgd.run(&body.body, &body.fixed, &loads, &mut |p| watch.report((p.order, p.terms)))
     })?;
-    let orders = watch.outcome(result)?.into_iter().map(|order| order_dict(py, order));
+    let sizes = [body.body.n_dofs(), loads.len()];
+    let orders = watch.outcome(result)?.into_iter().map(|order| order_dict(py, order, sizes));
     let dict = PyDict::new(py);
     dict.set_item("positions", PyArray1::from_slice(py, &loads.positions))?;
     dict.set_item("weights", PyArray1::from_slice(py, &loads.weights))?;
@@ -97,9 +98,8 @@ pub fn plain_newton<'py>(
     Ok((convert::field(py, reached.displacement)?, reached.increments, reached.iterations))
 }
 
-fn order_dict(py: Python<'_>, order: Order) -> PyResult<Bound<'_, PyDict>> {
-    let n = order.field.space.first().map_or(0, Vec::len);
-    let m = order.field.position.first().map_or(0, Vec::len);
+/// An order over `n` degrees of freedom and `m` positions; it may have no pairs.
+fn order_dict(py: Python<'_>, order: Order, [n, m]: [usize; 2]) -> PyResult<Bound<'_, PyDict>> {
     let (space, position) = modes(py, order.field, n, m)?;
     let dict = PyDict::new(py);
     dict.set_item("F", space)?;
