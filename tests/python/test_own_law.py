@@ -257,6 +257,48 @@ def test_a_formula_with_switches_is_not_reduced(bar: vs.Mesh) -> None:
 
 
 @pytest.mark.parametrize(
+    ("term", "n"),
+    [
+        ("c*(I1bar - 3)**n", 2),
+        ("c*(I1bar - 3)**n", 3),
+        ("c*(I1bar - 3)**(n + 1)", 1),
+        ("c*(J - 1)**n", 2),
+        ("c*log(J)**n", 4),
+        ("c*(I4 - 1)**n", 2),
+    ],
+)
+def test_a_whole_exponent_may_be_a_parameter(term: str, n: int, bar: vs.Mesh) -> None:
+    """What it raises vanishes at rest; the series are those of the exponent written out."""
+    matrix, values = "mu/2*(I1bar - 3) + k/2*log(J)**2 + ", {"mu": 1e4, "k": 1e5, "c": 4e4}
+    fibres = {"fibres": FIBRES} if "I4" in term else {}
+    written = term.replace("(n + 1)", str(n + 1)).replace("**n", f"**{n}")
+    laws = (
+        vs.StrainEnergy(matrix + term, n=n, **values, **fibres),
+        vs.StrainEnergy(matrix + written, **values, **fibres),
+    )
+    given, exact = (vs.Organ(bar, law, fixed="root") for law in laws)
+    series = [organ.path(force={"tip": (0, 0, -20.0)}, order=8).expansions[0].displacement for organ in (given, exact)]
+    assert series[0] == pytest.approx(series[1], rel=1e-7, abs=1e-9 * np.abs(series[1]).max())
+    models = [organ.pgd("tip", load=20.0, order=3, tolerance=None) for organ in (given, exact)]
+    for ours, theirs in zip(*[[order.F for order in model.orders] for model in models], strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-7, abs=1e-9 * np.abs(theirs).max())
+    touches = [organ.reduce("tip", depth="5%", order=4, radius="30%") for organ in (given, exact)]
+    at, push = touches[0].locate((0.4, 0.05, 0.1)), (0.002, 0.0, -0.008)
+    forces = [touch(at, push).force for touch in touches]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-6)
+
+
+def test_a_power_of_zero_that_is_not_whole_has_no_path(bar: vs.Mesh) -> None:
+    law = vs.StrainEnergy("mu/2*(I1bar - 3) + k/2*log(J)**2 + mu*max(I1bar - 3, 0)**n", mu=1e4, k=1e5, n=2.5)
+    organ = vs.Organ(bar, law, fixed="root")
+    with pytest.raises(
+        vs.VisceraError, match=r"\*\*n has no power series about rest: .* the power 2.5 .* such as 3, or"
+    ):
+        organ.path(force={"tip": (0, 0, -1.0)})
+    assert organ.solve(force={"tip": (0, 0, -400.0)}).is_converged
+
+
+@pytest.mark.parametrize(
     ("given", "words"),
     [
         ({}, "it needs a formula"),
