@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.conftest import block
 
 import viscera as vs
-from viscera.law import LAWS
+from viscera.law import LAWS, Law
 from viscera.reduced.check import Full, allowed_error
 
 
@@ -55,6 +56,27 @@ def test_what_is_wrong_is_not_trusted(trust: ModuleType) -> None:
     assert len(wrong) > 0.1 * len(rows)
     assert not any(row.is_trusted for row in wrong)
     assert any(row.is_trusted for row in rows)
+
+
+ISOTROPIC = "mu / 2 * (I1bar - 3) + kappa / 2 * log(J) ** 2"
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        vs.Yeoh(c10=500.0, c20=0.0, c30=500.0, poisson=0.4),  # stiffens one order after the last
+        vs.StrainEnergy(f"{ISOTROPIC} + c * (I1bar - 3) ** 4", mu=1e3, kappa=5e3, c=1e4),  # three orders after
+        vs.StrainEnergy(f"{ISOTROPIC} + c * (I1bar - 3) ** 4", mu=1e3, kappa=2e3, c=1e7),
+    ],
+    ids=["next order", "third order", "third order, stiff"],
+)
+def test_a_stiffening_that_the_orders_do_not_see_is_not_trusted(law: Law) -> None:
+    mesh = vs.mesh(*block((5, 5, 5), (0.1, 0.1, 0.1)))
+    touch = vs.Organ(mesh, law, fixed="z < 1%").reduce("z > 99%")
+    rows = touch.check(touches=20).rows
+    off = [max(row.force_error or 0.0, row.displacement_error or 0.0) for row in rows]
+    assert max(off) > 2.0 * allowed_error(0.1)
+    assert all(row.is_within_limits for row in rows)
 
 
 def test_the_study_has_ten_bodies_and_every_law_that_can_be_reduced(trust: ModuleType) -> None:

@@ -160,8 +160,9 @@ impl Reduction {
         let (metadata, arrays) = model.into_parts();
         let Measured { errors, interpolation_shares, truncation_share } = measured;
         let metadata = Metadata { errors, interpolation_shares, truncation_share, ..metadata };
-        let mut model = ReducedModel::new(metadata, arrays).map_err(unusable)?;
-        let departures = self.measure_departure(&members, fixed, &mut model, progress)?;
+        let model = ReducedModel::new(metadata, arrays).map_err(unusable)?;
+        let (mut model, asked) = self.with_unseen_rest(&members, fixed, model, progress)?;
+        let departures = self.measure_departure(&members, fixed, (&mut model, asked), progress)?;
         let (metadata, mut arrays) = model.into_parts();
         if family.is_some() {
             arrays.family.departure = departures.concat();

@@ -14,9 +14,8 @@ const MARGIN: f64 = 1.25;
 const PADE_MARGIN: f64 = 1.6;
 /// Part of the quadratic correction that is left as interpolation error where nothing was measured.
 const INTERPOLATION_SHARE: f64 = 0.5;
-/// The rest of the series, in units of the geometric mean of its last order and of what that changes, and of the root of
-/// what was measured in these units: half of what a model says of itself counts, half of what models have in common.
-/// This margin and the next two are fitted to the touches of `benchmarks/trust.py tuning`.
+/// The rest of the series, in units of the geometric mean of its last order and of what that changes, and of the weight of
+/// what was measured in these units. This margin and the next two are fitted to the touches of `benchmarks/trust.py tuning`.
 const TRUNCATION_MARGIN: f64 = 1.1;
 /// Takes the place of what was not measured.
 const TRUNCATION_SHARE: f64 = 0.53;
@@ -28,6 +27,19 @@ const OLD_INTERPOLATION_MARGIN: f64 = 4.0;
 const LINEAR: f64 = 4.0;
 /// How much the quadratic correction of the force counts there.
 const CORRECTION: f64 = 0.25;
+
+/// How much the measured share of the rest of the series counts: half of what a model says of itself, half of what models have
+/// in common. A share above 1 counts in full: there the last order is small by the form of the law, and tells little.
+fn weight(share: f64) -> f64 {
+    share.sqrt().max(share)
+}
+
+/// The share of the rest of the series with which the estimate of its truncation is an error, where the rest is in proportion
+/// to another number.
+pub fn truncation_share(error: f64, rest: f64) -> f64 {
+    let weight = error / (TRUNCATION_MARGIN * rest);
+    if weight < 1.0 { weight * weight } else { weight }
+}
 
 /// How much each order counts.
 type Weights = [Dual; MAX_ORDER];
@@ -237,10 +249,11 @@ impl Interpolation<'_> {
         if let (Some([field, force]), Some(shares), Some(disagreement)) =
             (change, shares, disagreement)
         {
-            let share = model.metadata.truncation_share.unwrap_or(TRUNCATION_SHARE).sqrt();
+            let share = model.metadata.truncation_share.unwrap_or(TRUNCATION_SHARE);
             let last = self.last_order(&size, [field, force], order_weights);
             let departure = self.departure([monomials[0], monomials[1], monomials[2]]);
-            let truncation = (TRUNCATION_MARGIN * share * last).max(departure * last.powi(3));
+            let truncation =
+                (TRUNCATION_MARGIN * weight(share) * last).max(departure * last.powi(3));
             let is_exact = self.is_second_exact();
             let margin = if is_exact { INTERPOLATION_MARGIN } else { OLD_INTERPOLATION_MARGIN };
             let [force, shape]: [f64; 2] = std::array::from_fn(|k| {

@@ -42,6 +42,7 @@ pub use arrays::{Answers, Arrays};
 pub use contact::Contact;
 pub use departure::{DIRECTIONS, directions};
 pub use error::Error;
+pub use estimates::truncation_share;
 pub use evaluate::{Answer, Trust, allowance};
 pub use felt::{Beside, Decisive, Felt, Grip};
 pub use file::{View, to_bytes};

@@ -3,6 +3,7 @@
 use super::pade::{PADE, touches};
 use super::preload::newton;
 use super::*;
+use crate::body::Curvature;
 use crate::equilibrium::PatchLoad;
 use viscera_touch::{DIRECTIONS, Trust};
 
@@ -15,7 +16,7 @@ fn a_correction_is_nearly_the_error() {
         let d = n.map(|x| 0.008 * x);
         let patch = PADE.patch(&contact);
         let (u, force) = (field(&PADE, &contact, d), PADE.respond(&contact, d).force);
-        let [of_field, of_force] = correction.of(&patch, &u, force).unwrap();
+        let [of_field, of_force] = correction.of(&patch, &u, force, Curvature::Exact).unwrap();
         let full = newton(&zero, None, Some(PatchLoad { patch, displacement: d }));
         let errors = [
             (of_field, relative(&u, &full.displacement)),
@@ -37,7 +38,7 @@ fn there_is_no_correction_where_a_cell_is_turned_inside_out() {
     let contact = touches()[0].0;
     let mut u = vec![0.0; FULL.body.n_dofs()];
     u[3 * FULL.top[0] as usize + 2] = -SIZE[2];
-    assert_eq!(correction.of(&PADE.patch(&contact), &u, [1.0; 3]), None);
+    assert_eq!(correction.of(&PADE.patch(&contact), &u, [1.0; 3], Curvature::Exact), None);
 }
 
 /// Where the organ departs fast the estimate grows with the cube of the rest of the series; a file from before that was
@@ -154,7 +155,7 @@ fn trust_is_taken_from_touches_that_depart_and_from_few_others() {
             };
             let d = touch(0.9 * deepest);
             let (u, answer) = (field(&model, &contact, d), model.respond(&contact, d));
-            let of_both = correction.of(&model.patch(&contact), &u, answer.force);
+            let of_both = correction.of(&model.patch(&contact), &u, answer.force, Curvature::Exact);
             let allowed = viscera_touch::allowance(norm(&d) / model.metadata().diagonal);
             let is_right = of_both.is_some_and(|[field, force]| field.max(force) < allowed);
             right += usize::from(is_right);

@@ -3,6 +3,7 @@
 use super::preload::newton;
 use super::*;
 use crate::equilibrium::PatchLoad;
+use viscera_touch::truncation_share;
 
 pub(super) static PADE: LazyLock<ReducedModel> = LazyLock::new(|| {
     let reduction = Reduction { pade: true, order: 4, tolerance: 2e-4, depth: 0.012, ..settings() };
@@ -86,15 +87,23 @@ fn the_estimate_is_in_units_of_what_was_measured_between_positions() {
 #[test]
 fn the_estimate_is_in_units_of_what_one_order_more_changes() {
     let share = PADE.metadata().truncation_share.unwrap();
-    assert!(share > 0.05 && share < 5.0, "{share}");
+    assert!(share > 0.05 && share < 1.0, "{share}");
     let with = |share| {
         let metadata = Metadata { truncation_share: Some(share), ..PADE.metadata().clone() };
         ReducedModel::new(metadata, PADE.arrays().clone())
     };
     let (corner, d) = (inside(3, [1.0, 0.0, 0.0]), [0.001, -0.002, -0.004]);
-    let [own, other] =
-        [&*PADE, &with(4.0 * share).unwrap()].map(|model| model.respond(&corner, d).error_estimate);
-    assert!((other - 2.0 * own).abs() < 1e-6 * own, "{own:e} {other:e}");
+    let estimate = |share| with(share).unwrap().respond(&corner, d).error_estimate;
+    // By its root, and above 1 by itself.
+    for (share, ratio) in [(share, 0.5), (4.0, 0.25)] {
+        let [own, other] = [share, share / 4.0].map(estimate);
+        assert!((other - ratio * own).abs() < 1e-6 * own, "{own:e} {other:e}");
+    }
+    let rest = PADE.truncation(&corner, d).unwrap();
+    for error in [0.3, 3.0].map(|part| part * rest) {
+        let found = estimate(truncation_share(error, rest));
+        assert!((found - error).abs() < 1e-3 * error, "{found:e} {error:e}");
+    }
     assert!(with(-1.0).is_err_and(|e| e.to_string().contains("truncation_share")));
 }
 
