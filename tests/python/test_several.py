@@ -145,5 +145,5 @@ def test_young_varies_in_a_part_with_one_law(organ: vs.Organ) -> None:
     point = family.locate((1.0, 0.05, 0.05))
     soft, stiff = (family.at(young)(point, (0.0, 0.0, -0.005)).force[2] for young in (2e3, 4e3))
     assert stiff < soft < 0.0
-    with pytest.raises(vs.VisceraError, match="several laws"):
+    with pytest.raises(vs.VisceraError, match="young varies in cells of different young"):
         organ.reduce(**about, vary=vs.Vary("young", 2e3, 4e3))

@@ -121,12 +121,34 @@ def test_forces_are_proportional_to_the_modulus_of_all_that_is_elastic(bar: vs.M
     assert lying.reduce(**TOP, vary=vary).metadata["errors"]["parameter"] > 0.05
 
 
-def test_the_model_begins_at_the_organs_own_value(touch: vs.Touch, bar: vs.Mesh) -> None:
+def test_the_model_begins_at_the_organs_own_value(
+    touch: vs.Touch, bar: vs.Mesh, caplog: pytest.LogCaptureFixture
+) -> None:
     assert touch.value == pytest.approx(1e5)
     assert gap(touch, organ_of(bar, 1e5)) < 0.005
     assert "young = 100000" in repr(touch)
-    outside = organ_of(bar, 1e4).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=waist, nodes=2))
+    with caplog.at_level("WARNING"):
+        outside = organ_of(bar, 1e4).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=waist, nodes=2))
+    assert (
+        "the organ's own young, 10000 Pa, is outside the range from 50000 to 2e+06; the model begins at" in caplog.text
+    )
     assert outside.value == pytest.approx(np.sqrt(5e4 * 2e6)), "the middle of the range, over the logarithm"
+
+
+@pytest.mark.parametrize(
+    ("vary", "values"),
+    [
+        (vs.Vary("young", 1e3, 1e5), "3000 to 30000 Pa"),
+        (vs.Vary("young", 1e3, 1e5, part="x > 10%"), "3000 to 30000 Pa"),
+        (vs.Vary("poisson", 0.1, 0.4), "0.2 to 0.3, which"),
+    ],
+)
+def test_cells_of_different_values_are_not_made_equal(vary: vs.Vary, values: str, bar: vs.Mesh) -> None:
+    stiff = waist(bar.centroids)
+    law = vs.NeoHookean(young=np.where(stiff, 3e4, 3e3), poisson=np.where(stiff, 0.2, 0.3))
+    organ = vs.Organ(bar, law, fixed="root")
+    with pytest.raises(vs.VisceraError, match=f"{vary.name} varies in cells of different {vary.name}, {values}"):
+        organ.reduce(**TOP, vary=vary)
 
 
 def test_a_model_at_a_value_checks_itself_against_that_organ(touch: vs.Touch, tmp_path: Path) -> None:

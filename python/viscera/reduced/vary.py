@@ -147,9 +147,14 @@ class Vary:
         """
         organ = self._with_suited_element(organ)
         cells = np.empty(0, dtype=np.uint32) if self.part is None else organ.mesh.cells_in(self.part)
-        own = self.own_value(organ.law, cells, radius)
-        low, high = self._ends
-        value = own if own is not None and low <= own <= high else float(self._at(np.zeros(1))[0])
+        own, (low, high) = self.own_value(organ.law, cells, radius), self._ends
+        value = own if low <= own <= high else float(self._at(np.zeros(1))[0])
+        if value != own:
+            unit = UNITS[self.name] and f" {UNITS[self.name]}"
+            log.warning(
+                "the organ's own %s, %g%s, is outside the range from %g to %g; the model begins at %g%s",
+                *(self.name, own, unit, low, high, value, unit),
+            )
 
         def at(value: float) -> Organ:
             if self.name == "radius":
@@ -191,8 +196,8 @@ class Vary:
         )
         return organ
 
-    def own_value(self, law: Law, cells: Indices, radius: float) -> float | None:
-        """The organ's own value, or None if it differs between the cells.
+    def own_value(self, law: Law, cells: Indices, radius: float) -> float:
+        """The organ's own value. Raises `VisceraError` if it differs between the cells, which would become equal.
 
         >>> import viscera as vs
         >>> import numpy as np
@@ -205,7 +210,13 @@ class Vary:
             return radius
         inside = _of(law, self.name)
         inside = inside[cells] if len(cells) and len(inside) > 1 else inside
-        return float(inside[0]) if np.allclose(inside, inside[0], rtol=1e-9) else None
+        if not np.allclose(inside, inside[0], rtol=1e-9):
+            values = f"{inside.min():g} to {inside.max():g} {UNITS[self.name]}".rstrip()
+            raise VisceraError(
+                f"{self.name} varies in cells of different {self.name}, {values}, which it would make equal; "
+                "name a part that has one value, as `part` of Vary, or give these cells one value"
+            )
+        return float(inside[0])
 
 
 def of_words(words: Mapping[str, Any]) -> Vary:
