@@ -38,6 +38,8 @@ class File:
         self.is_binary = found[2] == b"1"
         self.order = ">" if self.is_binary and data[found.end() : found.end() + 4] == b"\0\0\0\1" else "<"
         self.is_first = float(found[1]) < 4.1 and not self._has_later_nodes()
+        if int(found[3]) not in (4, 8):
+            raise VisceraError(f"damaged: its $MeshFormat declares sizes of {int(found[3])} bytes, not of 4 or 8")
         self.size = f"u{int(found[3])}"
         if self.is_first and self.is_binary:
             raise VisceraError("it is binary of version 4.0, which is not read; let Gmsh save it as version 4.1 or 2.2")
@@ -55,7 +57,9 @@ class File:
             yield numbers
             is_over = self.data[start.end() + numbers.at :].lstrip().startswith(end)
         else:
-            text, mark, _ = self.data[start.end() :].partition(end)
+            text, mark, rest = self.data[start.end() :].partition(end)
+            if re.search(rb"^\$%s[ \t]*\r?\n" % name.encode(), rest, re.MULTILINE):
+                raise VisceraError(f"it has two sections ${name}; a file of Gmsh has one")
             numbers = Numbers(f"${name}", parsed(f"${name}", text.decode("latin-1")), self.order)
             yield numbers
             is_over = bool(mark) and numbers.is_over
@@ -122,6 +126,8 @@ def _nodes(file: File, numbers: Numbers) -> tuple[NDArray[np.int64], NDArray[np.
     for _ in range(n_blocks):
         head = numbers.row(INT, 3)
         dimension = head[1] if file.is_first else head[0]
+        if dimension not in range(4):
+            raise VisceraError(f"damaged: its nodes lie on an entity of dimension {dimension}")
         (count,) = numbers.row(file.size, 1)
         coordinates = (REAL, 3 + (dimension if head[2] else 0))  # on its entity, too
         if file.is_first:

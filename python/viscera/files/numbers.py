@@ -14,6 +14,8 @@ from viscera.files.text import is_number
 from viscera.quantity import brief
 
 INT, REAL = "i4", "f8"
+LARGEST = 2.0**62
+"""The largest whole number that is taken."""
 
 
 @dataclass(eq=False)
@@ -62,7 +64,7 @@ class Numbers:
     def _as(self, kind: str, part: NDArray[np.float64]) -> NDArray[Any]:
         if kind.startswith("f"):
             return part
-        wrong = part[part != np.round(part)]
+        wrong = part[(part != np.round(part)) | ~(np.abs(part) <= LARGEST)]
         if len(wrong):
             raise VisceraError(f"damaged: {wrong[0]} stands in its {self.section} where a whole number is due")
         return part.astype(np.int64)
