@@ -293,6 +293,9 @@ impl Cut {
             Cut::NoDescent { residual } => {
                 format!("no step lowers the energy (relative residual {residual:.1e})")
             }
+            Cut::Iterations { residual, .. } if !residual.is_finite() => {
+                "the forces of a smaller load step still overflow; prescribe less, or take a law that grows more slowly".into()
+            }
             Cut::Iterations { residual, .. } => {
                 format!("too many iterations (relative residual {residual:.1e})")
             }

@@ -105,6 +105,15 @@ fn a_body_that_locks_is_not_told_as_next_to_a_limit_point() {
     }
 }
 
+/// The exponential of a law leaves the numbers before its body is where it is pulled to.
+#[test]
+fn forces_that_overflow_are_told_in_words() {
+    let state = drawn("formula mu*exp(b*(I1bar - 3)) + k*log(J)**2", vec![500.0, 1e3, 5e3]);
+    assert_eq!(state.status, Status::StepTooSmall, "{}", state.message);
+    let said = state.message.contains("the forces of a smaller load step still overflow");
+    assert!(said, "{}", state.message);
+}
+
 /// A bar that softens, of which a part is weaker: when that yields, the rest springs back.
 #[test]
 fn a_bar_that_snaps_back_is_told_as_next_to_a_limit_point() {
