@@ -1,4 +1,4 @@
-//! A model beside its full organ: what one iteration of Newton's method says about the error of an answer.
+//! A model beside its full organ: what iterations of Newton's method say about the error of an answer.
 
 use super::correction::Correction;
 use super::positions::Positions;
@@ -45,7 +45,7 @@ pub(super) struct Comparisons<'a> {
     full: FullOrgan<'a>,
     pub model: &'a ReducedModel,
     pub positions: &'a Positions,
-    directions: [[f64; 3]; DIRECTIONS],
+    pub directions: [[f64; 3]; DIRECTIONS],
     /// Those that are not in use: an organ's factor is analysed once for each thread.
     idle: Mutex<Vec<Comparison<'a>>>,
 }

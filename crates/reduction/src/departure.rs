@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::mesh::Patch;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
-use viscera_touch::{Contact, DIRECTIONS, ReducedModel, directions};
+use viscera_touch::{Contact, DIRECTIONS, ReducedModel};
 
 /// One ray in so many is asked first. Where the organ departs the rays around are asked, too.
 const TURNS: usize = 2;
@@ -59,7 +59,6 @@ struct Survey<'s, 'a> {
     full: &'s Comparisons<'a>,
     asked: Ask,
     neighbours: Vec<Vec<usize>>,
-    directions: [[f64; 3]; DIRECTIONS],
 }
 
 impl<'s, 'a> Survey<'s, 'a> {
@@ -69,7 +68,7 @@ impl<'s, 'a> Survey<'s, 'a> {
             neighbours[a as usize].push(b as usize);
             neighbours[b as usize].push(a as usize);
         }
-        Survey { full, asked, neighbours, directions: directions() }
+        Survey { full, asked, neighbours }
     }
 
     /// The departure along each ray; 0 where none was found. Rays in turn are asked, and those around where something was found.
@@ -113,29 +112,29 @@ impl<'s, 'a> Survey<'s, 'a> {
     fn around(&self, ray: usize) -> Vec<usize> {
         let (position, k) = (ray / DIRECTIONS, ray % DIRECTIONS);
         let beside = self.neighbours[position].iter().map(|n| DIRECTIONS * n + k);
-        let here = self.directions[k];
+        let directions = &self.full.directions;
+        let here = directions[k];
         let is_near = |n: &[f64; 3]| n[0] * here[0] + n[1] * here[1] + n[2] * here[2] > NEAR;
-        let near = (0..DIRECTIONS).filter(|&other| is_near(&self.directions[other]));
+        let near = (0..DIRECTIONS).filter(|&other| is_near(&directions[other]));
         beside.chain(near.map(|other| DIRECTIONS * position + other)).collect()
     }
 
+    /// The departure that is found along a ray; 0 if it is not asked.
     fn along(&self, ray: usize) -> Result<f64, Error> {
         let ray = Ray { position: ray / DIRECTIONS, direction: ray % DIRECTIONS };
-        match self.full.deepest_trusted(ray) {
-            Some((contact, Deepest { d, is_suspicious }))
-                if is_suspicious || self.asked == Ask::All =>
-            {
-                let patch = &self.full.positions.patches[ray.position];
-                let model = self.full.model;
-                self.full.with(|comparison| {
-                    let mut at = |d| departure(comparison, &contact, patch, d);
-                    let tight =
-                        (self.asked == Ask::All).then(|| at_tight_allowance(model, d)).flatten();
-                    at(d).max(tight.map_or(0.0, at))
-                })
-            }
-            _ => Ok(0.0),
-        }
+        let Some((contact, Deepest { d, is_suspicious })) = self.full.deepest_trusted(ray) else {
+            return Ok(0.0);
+        };
+        let tight = match self.asked {
+            Ask::All => at_tight_allowance(self.full.model, d),
+            Ask::Suspicious if is_suspicious => None,
+            Ask::Suspicious => return Ok(0.0),
+        };
+        let patch = &self.full.positions.patches[ray.position];
+        self.full.with(|comparison| {
+            let touches = [Some(d), tight].into_iter().flatten();
+            touches.map(|d| departure(comparison, &contact, patch, d)).fold(0.0, f64::max)
+        })
     }
 }
 

@@ -23,8 +23,11 @@ const TURN: usize = 7;
 const ROUNDS: usize = 4;
 /// If fewer than one touch in so many is beyond its allowance, they are for the survey of the departure.
 const FEW: usize = 8;
-/// A smaller rest of the series tells nothing.
+/// A smaller rest of the series is rounding. It may be far smaller than in the survey: a law that stiffens late has hardly any.
 const LEAST_REST: f64 = 1e-9;
+
+/// The share of the rest of the series that a touch asks for; none if it is suspicious, or within its allowance.
+type Demand = Option<f64>;
 
 impl Reduction {
     /// The model with a share of the rest of the series by which nearly all touches of a sample are within their allowance,
@@ -37,10 +40,16 @@ impl Reduction {
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<(ReducedModel, Ask), Error> {
         let mut asked = Ask::Suspicious;
-        for _ in 0..if self.is_sketched() { ROUNDS } else { 0 } {
-            let shares = self.beside_full_organs(members, fixed, &mut model, progress, sample)?;
-            asked = if shares.iter().flatten().any(Option::is_some) { Ask::All } else { asked };
-            let Some(share) = shares.into_iter().filter_map(demanded).reduce(f64::max) else {
+        if !self.is_sketched() {
+            return Ok((model, asked));
+        }
+        for _ in 0..ROUNDS {
+            let demands = self.beside_full_organs(members, fixed, &mut model, progress, sample)?;
+            if demands.iter().flatten().any(Option::is_some) {
+                asked = Ask::All;
+            }
+            let of_members = demands.iter().filter_map(|demands| demanded(demands));
+            let Some(share) = of_members.reduce(f64::max) else {
                 break;
             };
             let (mut metadata, arrays) = model.into_parts();
@@ -53,34 +62,31 @@ impl Reduction {
 }
 
 /// The root mean square of the shares that touches ask for, unless few do.
-fn demanded(shares: Vec<Option<f64>>) -> Option<f64> {
-    let asked: Vec<f64> = shares.iter().copied().flatten().collect();
-    let squares: f64 = asked.iter().map(|x| x * x).sum();
-    (FEW * asked.len() > shares.len()).then(|| (squares / asked.len() as f64).sqrt())
+fn demanded(demands: &[Demand]) -> Option<f64> {
+    let shares: Vec<f64> = demands.iter().copied().flatten().collect();
+    let squares: f64 = shares.iter().map(|x| x * x).sum();
+    (FEW * shares.len() > demands.len()).then(|| (squares / shares.len() as f64).sqrt())
 }
 
-/// The share that each touch of the sample asks for, if it is trusted: along rays at positions spread over the surface, in
-/// directions spread over the sphere.
-fn sample(
-    full: &Comparisons,
-    is_wanted: &mut dyn FnMut() -> bool,
-) -> Result<Vec<Option<f64>>, Error> {
+/// What the trusted touches of the sample ask for: along rays at positions spread over the surface, in directions spread over
+/// the sphere.
+fn sample(full: &Comparisons, is_wanted: &mut dyn FnMut() -> bool) -> Result<Vec<Demand>, Error> {
     let n_positions = full.positions.nodes.len();
-    let shares = attend(is_wanted, |stop| {
+    let demands = attend(is_wanted, |stop| {
         let each = (0..SAMPLE).into_par_iter().map(|k| match stop.load(Ordering::Relaxed) {
             true => Err(Error::Cancelled),
             false => {
                 let (position, direction) = (k * n_positions / SAMPLE, k * TURN % DIRECTIONS);
-                share(full, Ray { position, direction })
+                along(full, Ray { position, direction })
             }
         });
         each.collect::<Result<Vec<_>, Error>>()
     })?;
-    if is_wanted() { Ok(shares.into_iter().flatten().collect()) } else { Err(Error::Cancelled) }
+    if is_wanted() { Ok(demands.into_iter().flatten().collect()) } else { Err(Error::Cancelled) }
 }
 
-/// What the deepest trusted touch along a ray asks for, unless it is suspicious.
-fn share(full: &Comparisons, ray: Ray) -> Result<Option<Option<f64>>, Error> {
+/// What the deepest trusted touch along a ray asks for; none where no touch is trusted.
+fn along(full: &Comparisons, ray: Ray) -> Result<Option<Demand>, Error> {
     let Some((contact, Deepest { d, is_suspicious })) = full.deepest_trusted(ray) else {
         return Ok(None);
     };
@@ -92,13 +98,8 @@ fn share(full: &Comparisons, ray: Ray) -> Result<Option<Option<f64>>, Error> {
 }
 
 /// The share with which the estimate of a touch is its error, if that is beyond the allowance. Where the tangent is not positive
-/// definite one that is leads to the balance, too, in more iterations.
-fn demand(
-    comparison: &mut Comparison,
-    contact: &Contact,
-    patch: &Patch,
-    d: [f64; 3],
-) -> Option<f64> {
+/// definite, its projection leads to equilibrium, too, in more iterations.
+fn demand(comparison: &mut Comparison, contact: &Contact, patch: &Patch, d: [f64; 3]) -> Demand {
     let mut error = |curvature| comparison.error(contact, patch, d, curvature);
     let error = error(Curvature::Exact).or_else(|| error(Curvature::Projected))?;
     let rest = comparison.rest(contact, d);
