@@ -41,13 +41,16 @@ def held(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return touch, path
 
 
-def write_searches(touch: vs.Touch, path: Path) -> None:
-    """Searches of a moving pair of hands, one beyond the depth and one anew, with what Python answers."""
+def write_searches(touch: vs.Touch, path: Path) -> int:
+    """Searches of a moving pair of hands, one beyond the depth and one anew, with what Python answers.
+
+    How many of them have a stress that is not balanced.
+    """
     points = np.array([[0.4, 0.1, 0.2], [0.6, 0.08, 0.2]])
     inside = np.array([[0.5, 0.1, 0.15], [0.41, 0.02, 0.2], [0.9, 0.13, 0.04]])
     grasp = touch.galerkin().grasp(points)
     direction = np.array([[0.2, 0.1, -1.0], [0.0, 0.2, 0.7]])
-    verdict = 0
+    verdict = unbalanced = 0
     with path.open("w") as file:
         file.write(f"{len(points)} {len(inside)}\n")
         np.savetxt(file, np.vstack([points, inside]), fmt="%.17g")
@@ -70,17 +73,21 @@ def write_searches(touch: vs.Touch, path: Path) -> None:
             np.savetxt(file, [np.concatenate(numbers)], fmt="%.17g", newline=" ")
             file.write(f"{status(answer.reason)} ")
             numbers = [answer.at(inside).displacement.ravel(), answer.displacement.ravel(), answer.von_mises()]
+            numbers.append(np.array([answer.stress_error_estimate]))
+            unbalanced += answer.stress_error_estimate > 0.15
             np.savetxt(file, [np.concatenate(numbers)], fmt="%.17g")
+    return unbalanced
 
 
 def test_several_touches_in_c_are_answered_as_in_python(
     held: tuple[vs.Touch, Path], build: Build, tmp_path: Path
 ) -> None:
     touch, model = held
-    write_searches(touch, tmp_path / "answers.txt")
+    unbalanced = write_searches(touch, tmp_path / "answers.txt")
     program = build("tests/hands.c", "device/allocations.c", linkage="hands")
     output = run(program, model, tmp_path / "answers.txt")
     assert "8 searches; largest difference from Python" in output
+    assert f"stress that is not balanced: {unbalanced}\n" in output
 
 
 def test_misuse_of_hands_is_told_by_a_status(model: Path, build: Build) -> None:

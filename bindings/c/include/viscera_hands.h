@@ -154,9 +154,17 @@ int32_t viscera_held_assess(const viscera_held *held, double *error_estimate);
 /* Cauchy stress of each cell (force per area), nine doubles row by row, the mean over its points, under displacements of
  * all nodes: those of viscera_held_field, or of viscera_field for a single touch. With VISCERA_INVERTED a cell is inside
  * out, and the stress is zero. In nearly incompressible tissue the pressure in it feels errors of the displacements that
- * force, shape, von Mises stress and the error estimate do not; Python tells how much (stress_error_estimate). */
+ * force, shape, von Mises stress and the error estimate do not: viscera_hands_stress_error tells how much. */
 int32_t viscera_hands_stress(const viscera_hands *hands, const double *moved, size_t moved_len, double *stress,
                              size_t stress_len);
+
+/* Estimates the error of that stress and of its pressure, relative to their norm, by what the stress leaves unbalanced at
+ * nodes that are neither fixed nor touched: stress_error_estimate in Python. `points` are those where the touches take
+ * hold, three doubles for each contact. VISCERA_OK up to 0.15; above, VISCERA_ERROR_TOO_LARGE says that the pressure is
+ * not to be relied on. Without an estimate it is 1: VISCERA_INVERTED where a cell is inside out, VISCERA_OFF_SURFACE where
+ * a point is not on the touchable surface. */
+int32_t viscera_hands_stress_error(const viscera_hands *hands, const double *points, size_t contacts, const double *moved,
+                                   size_t moved_len, double *error_estimate);
 
 /* REAL TIME. Von Mises stress, sqrt(3/2 s : s) with the deviator s, of `count` stresses. With VISCERA_NOT_FINITE one of them
  * is not finite, or too large, and all are zero. */

@@ -31,6 +31,10 @@ public:
     int32_t stress(const std::vector<double> &moved, std::vector<double> &stress) const {
         return viscera_hands_stress(get(), moved.data(), moved.size(), stress.data(), stress.size());
     }
+    /// Estimated error of that stress where touches take hold at these points.
+    int32_t stress_error(const std::vector<double> &points, const std::vector<double> &moved, double &estimate) const {
+        return viscera_hands_stress_error(get(), points.data(), triples(points), moved.data(), moved.size(), &estimate);
+    }
 
 private:
     void make(const Model &model, const viscera_sampling &sampling) {

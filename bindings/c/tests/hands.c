@@ -2,7 +2,7 @@
  *
  * ANSWERS: the numbers of contacts and of places, contact points, places; then for each search what is asked, the
  * displacements, its status, forces, stiffness (if asked for), energy, estimate and status of the assessment,
- * displacement of the places and of all nodes, von Mises stress of the cells.
+ * displacement of the places and of all nodes, von Mises stress of the cells, the estimated error of the stress.
  */
 #include <math.h>
 #include <stdio.h>
@@ -62,6 +62,7 @@ int main(int argc, char **argv) {
     double *von_mises = malloc(cells * sizeof(double));
     float *positions = malloc(surface * sizeof(float));
     double worst[8] = {0, 0, 0, 0, 0, 0, 0, 0};
+    int unbalanced = 0;
     long allocated = 0;
     int asked, expected, searches = 0;
     while (right && fscanf(file, "%d", &asked) == 1) {
@@ -99,13 +100,18 @@ int main(int argc, char **argv) {
         right = right && viscera_hands_stress(hands, field, n, stress, 9 * cells) == VISCERA_OK;
         right = right && viscera_von_mises(stress, cells, von_mises) == VISCERA_OK;
         worst[6] = larger(worst[6], difference(file, von_mises, cells));
+        const int balance = viscera_hands_stress_error(hands, at, contacts, field, n, &error);
+        worst[7] = larger(worst[7], difference(file, &error, 1));
+        right = right && balance == (error > 0.15 ? VISCERA_ERROR_TOO_LARGE : VISCERA_OK);
+        unbalanced += balance == VISCERA_ERROR_TOO_LARGE;
         searches++;
     }
     right = right && feof(file) && searches > 0;
     printf("%d searches; largest difference from Python: force %.1e, stiffness %.1e, energy %.1e, estimate %.1e, "
-           "places %.1e, nodes %.1e, stress %.1e\n",
-           searches, worst[0], worst[1], worst[2], worst[3], worst[4], worst[5], worst[6]);
-    for (int i = 0; i < 7; i++) right = right && worst[i] < 1e-10;
+           "places %.1e, nodes %.1e, stress %.1e, its estimate %.1e\n",
+           searches, worst[0], worst[1], worst[2], worst[3], worst[4], worst[5], worst[6], worst[7]);
+    printf("stress that is not balanced: %d\n", unbalanced);
+    for (int i = 0; i < 8; i++) right = right && worst[i] < 1e-10;
     printf("allocations: %ld\n", allocated);
     right = right && allocated <= 0;
     fclose(file);

@@ -24,6 +24,7 @@ int main(int argc, char **argv) {
     if (held.surface(positions) != VISCERA_OK || held.field(moved) != VISCERA_OK) return 5;
     if (hands.stress(moved, stress) != VISCERA_OK) return 6;
     double error = 1;
+    if (hands.stress_error(points, moved, error) != VISCERA_OK || !(error > 0 && error < 0.15)) return 20;
     if (held.assess(error) != VISCERA_OK || !(error < 0.05)) return 7;
     grasp.add_snapshot();
     if (grasp.state().contacts != 2) return 8;

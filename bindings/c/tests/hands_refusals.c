@@ -4,6 +4,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "viscera_hands.h"
@@ -248,12 +249,32 @@ static void strangers(viscera_hands *hands, viscera_grasp *grasp) {
     viscera_held_free(held);
 }
 
+static void stress(const viscera_hands *hands, size_t n) {
+    double few[9] = {0}, error = 0, *field = calloc(n, sizeof(double));
+    const double off[3] = {0, 0, 9}, wrong[3] = {NAN, 0, 0};
+    EXPECT(viscera_hands_stress(hands, few, 9, few, 9) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_hands_stress(NULL, few, 9, few, 9) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_von_mises(NULL, 1, few) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_hands_stress_error(hands, LEFT_AND_RIGHT, 2, field, n, &error) == VISCERA_OK && error == 0);
+    EXPECT(viscera_hands_stress_error(hands, LEFT_AND_RIGHT, 2, few, 9, &error) == VISCERA_SHORT_BUFFER && error == 1);
+    EXPECT(viscera_hands_stress_error(NULL, LEFT_AND_RIGHT, 2, field, n, &error) == VISCERA_NULL_POINTER && error == 1);
+    EXPECT(viscera_hands_stress_error(hands, NULL, 2, field, n, &error) == VISCERA_NULL_POINTER && error == 1);
+    EXPECT(viscera_hands_stress_error(hands, LEFT_AND_RIGHT, 2, field, n, NULL) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_hands_stress_error(hands, off, 1, field, n, &error) == VISCERA_OFF_SURFACE && error == 1);
+    EXPECT(viscera_hands_stress_error(hands, wrong, 1, field, n, &error) == VISCERA_NOT_FINITE && error == 1);
+    for (size_t i = 0; i < n; i++) field[i] = 1e3 * (double)((i * 7919) % 13);
+    EXPECT(viscera_hands_stress_error(hands, LEFT_AND_RIGHT, 2, field, n, &error) == VISCERA_INVERTED && error == 1);
+    free(field);
+}
+
 int main(int argc, char **argv) {
     viscera_model *model = NULL;
     viscera_grasp *grasp = NULL;
     if (argc != 2 || viscera_load_file(argv[1], &model, NULL, 0) != VISCERA_OK) return 2;
     settings(model);
     overflowing(model);
+    viscera_info_t info;
+    viscera_info(model, &info);
     viscera_hands *hands = hands_with(model, 0), *trained = hands_with(model, 24);
     viscera_free(model); /* each has a copy */
     grasps(hands, trained);
@@ -263,10 +284,7 @@ int main(int argc, char **argv) {
     answers(grasp);
     viscera_grasp_free(grasp);
     training(trained);
-    double few[9];
-    EXPECT(viscera_hands_stress(trained, few, 9, few, 9) == VISCERA_SHORT_BUFFER);
-    EXPECT(viscera_hands_stress(NULL, few, 9, few, 9) == VISCERA_NULL_POINTER);
-    EXPECT(viscera_von_mises(NULL, 1, few) == VISCERA_NULL_POINTER);
+    stress(trained, 3 * (size_t)info.points);
     viscera_hands_free(trained);
     printf("%d faults\n", faults);
     return faults ? 1 : 0;

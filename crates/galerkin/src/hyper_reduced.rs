@@ -307,7 +307,7 @@ impl Galerkin {
         ReducedContacts::new(Arc::clone(self), contacts)
     }
 
-    fn contact(&self, k: usize, point: [f64; 3]) -> Result<Contact, Error> {
+    pub(super) fn contact(&self, k: usize, point: [f64; 3]) -> Result<Contact, Error> {
         let found = self.model.locate(point).filter(|c| self.model.is_on_surface(c));
         found.ok_or_else(|| {
             Error::input(format!(

@@ -8,6 +8,7 @@
 //! is minimised by Newton's method. Forces are its gradient and tangents are symmetric for any weights.
 
 mod background;
+mod balance;
 mod basis;
 mod broyden;
 mod cells;
@@ -38,6 +39,7 @@ mod training;
 mod units;
 mod weighted_cells;
 
+pub use balance::UNBALANCED;
 pub use contacts::ReducedContacts;
 pub use hyper_reduced::{Asked, HyperReducedModel};
 pub use model::{Galerkin, Sampling};

@@ -123,7 +123,7 @@ fn asked_of(bits: i32, budget: f64) -> Result<Asked, viscera_status> {
 }
 
 /// The contacts [m].
-unsafe fn contacts(
+pub(super) unsafe fn contacts(
     hands: &Hands,
     points: *const f64,
     count: usize,

@@ -1,10 +1,13 @@
 //! Stress of the whole organ, as the element balances it.
 
 use super::Hands;
+use super::grasp;
 use crate::all_finite;
 use crate::model::finite_or_zero;
+use crate::put;
 use crate::status::{self, viscera_status};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use viscera_galerkin::UNBALANCED;
 
 /// A tensor, row by row.
 type Tensor = [f64; 9];
@@ -39,6 +42,11 @@ impl Hands {
             stresses.push(mean);
         }
         Some(stresses)
+    }
+
+    /// Displacements of nodes [m].
+    fn field_in(&self, moved: &[f64]) -> Vec<f64> {
+        moved.as_chunks().0.iter().flat_map(|&u| self.frame.length_in(u)).collect()
     }
 }
 
@@ -80,8 +88,7 @@ pub unsafe extern "C" fn viscera_hands_stress(
     if !all_finite(moved) {
         return status::NOT_FINITE;
     }
-    let frame = &hands.frame;
-    let u: Vec<f64> = moved.as_chunks().0.iter().flat_map(|&u| frame.length_in(u)).collect();
+    let (frame, u) = (&hands.frame, hands.field_in(moved));
     let Ok(found) = catch_unwind(AssertUnwindSafe(|| hands.stress(&u))) else {
         return status::BAD_SETTING;
     };
@@ -92,6 +99,50 @@ pub unsafe extern "C" fn viscera_hands_stress(
         *out = std::array::from_fn(|k| turned[k / 3][k % 3]);
     }
     finite_or_zero(status::OK, out)
+}
+
+/// What that stress leaves unbalanced, and whether its pressure may be relied on.
+///
+/// # Safety
+/// `hands` is null or made; `points` is readable for `contacts` points or null; `moved` is null or readable for its
+/// length, `error_estimate` null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_hands_stress_error(
+    hands: *const Hands,
+    points: *const f64,
+    contacts: usize,
+    moved: *const f64,
+    moved_len: usize,
+    error_estimate: *mut f64,
+) -> viscera_status {
+    // SAFETY: the caller's contract, here and below.
+    unsafe { put(error_estimate, 1.0) };
+    let Some(hands) = (unsafe { hands.as_ref() }) else { return status::NULL_POINTER };
+    if moved.is_null() || error_estimate.is_null() {
+        return status::NULL_POINTER;
+    }
+    let needed = 3 * hands.galerkin.model().n_points();
+    if moved_len < needed {
+        return status::SHORT_BUFFER;
+    }
+    let Ok(points) = (unsafe { grasp::contacts(hands, points, contacts) }) else {
+        return status::NULL_POINTER;
+    };
+    let moved = unsafe { std::slice::from_raw_parts(moved, needed) };
+    if !all_finite(moved) || !all_finite(points.as_flattened()) {
+        return status::NOT_FINITE;
+    }
+    let u = hands.field_in(moved);
+    let estimate = || hands.galerkin.stress_error_estimate(&points, &u);
+    let (estimate, status) = match catch_unwind(AssertUnwindSafe(estimate)) {
+        Ok(Ok(part)) if part <= UNBALANCED => (part, status::OK),
+        Ok(Ok(part)) if part.is_finite() => (part, status::ERROR_TOO_LARGE),
+        Ok(Ok(_)) => (1.0, status::INVERTED),
+        Ok(Err(_)) => (1.0, status::OFF_SURFACE),
+        Err(_) => (1.0, status::BAD_SETTING),
+    };
+    unsafe { put(error_estimate, estimate) };
+    status
 }
 
 /// `sqrt(3/2 s : s)` with the deviator `s` of each stress.
