@@ -28,3 +28,22 @@ def test_a_solution_of_many_iterations_is_one_where_it_is_solved_again() -> None
     assert first.residuals[-1][-1] <= 1e-9
     assert again.residuals[0][0] <= 1e-7
     assert np.abs(again.displacement - first.displacement).max() < 2e-5 * reach
+
+
+def test_a_hand_at_rest_comes_to_a_settled_frame_by_one_iteration_each(bar: vs.Mesh) -> None:
+    """The last step leads to pieces whose step leads back: they stay, over frames as over the iterations of one."""
+    law = vs.NeoHookean(young=1e5, poisson=0.3)
+    upper = vs.mesh(bar.points + np.array([0, 0, 0.11]), bar.cells, bar.sets)
+    organs = {"lower": vs.Organ(bar, law, fixed="root"), "upper": vs.Organ(upper, law, fixed="root")}
+    scene = vs.Scene(organs, contacts=[vs.ContactPair("lower", "upper")])
+    stepper = scene.stepper(iterations=1)
+    hand = stepper.grasp(scene.patch((0.35, 0.05, 0.21), 0.04, "upper"))
+    for part in (0, 1, 1, 2, 2, 3, 4, 5, 6):
+        hand.displacement = part * np.array([0.00088, -0.00086, -0.00329])
+        frame = stepper.frame()
+    frames = 0
+    while not frame.is_settled and frames < 100:
+        frame, frames = stepper.frame(), frames + 1
+    assert frame.is_settled
+    exact = scene.solve(displacement={scene.patch((0.35, 0.05, 0.21), 0.04, "upper"): hand.displacement}, throw=True)
+    assert np.abs(frame.displacement - exact.displacement).max() < 1e-3 * np.abs(exact.displacement).max()

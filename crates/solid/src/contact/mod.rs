@@ -236,6 +236,13 @@ impl Contact {
         self.each(|held| held.begin(u));
     }
 
+    /// The same of a step that goes on where the last one has not converged.
+    pub fn go_on(&mut self, u: &[f64]) {
+        self.start.copy_from_slice(u);
+        self.pairs.iter_mut().for_each(|pair| pair.go_on(u));
+        self.each(|held| held.begin(u));
+    }
+
     /// A step has ended at a displacement: slides become permanent.
     pub fn end(&mut self, u: &[f64]) {
         self.pairs.iter_mut().for_each(ActivePair::end);

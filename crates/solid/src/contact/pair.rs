@@ -203,11 +203,20 @@ impl ActivePair {
 
     /// A step begins at `u`.
     pub fn begin(&mut self, u: &[f64]) {
-        self.start = self.places_at(u);
+        self.go_on(u);
         self.renewals = 0;
+        self.renewed.clear();
+    }
+
+    /// A step begins at `u` which goes on where the last has not converged: pieces that stay until then do. With friction,
+    /// which ties the samples anew, they do not.
+    pub fn go_on(&mut self, u: &[f64]) {
+        if !self.friction.is_none() {
+            self.renewed.clear();
+        }
+        self.start = self.places_at(u);
         self.was_out_of_reach = false;
         self.is_placed = false;
-        self.renewed.clear();
     }
 
     /// Finds what touches at `u`.

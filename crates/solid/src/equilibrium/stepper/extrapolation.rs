@@ -58,6 +58,11 @@ impl Extrapolation {
         self.hands = hands;
     }
 
+    /// Whether hands and tools have stayed where they were.
+    pub fn are_at(&self, hands: &[f64]) -> bool {
+        self.hands == hands
+    }
+
     /// The last motion is not to be continued.
     pub fn forget(&mut self) {
         self.increment.clear();

@@ -378,11 +378,17 @@ impl Stepper {
         self.turn(body, input.turns)?;
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
-        self.contact.begin(&self.displacement);
+        let hands = self.places_of_hands(input);
+        let goes_on =
+            !self.was_settled && self.motion.is_none() && self.extrapolation.are_at(&hands);
+        if goes_on {
+            self.contact.go_on(&self.displacement);
+        } else {
+            self.contact.begin(&self.displacement);
+        }
         self.contact.find_sweep(body, &self.displacement);
         self.follows_friction = true;
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
-        let hands = self.places_of_hands(input);
         self.ahead = self.extrapolate(body, &hands);
         let outcome = self.advance(body, input, deadline, is_wanted);
         let progress = match outcome {
