@@ -2,7 +2,7 @@
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "../stage/body";
 import { Conversation } from "./conversation";
-import { element, followTheme, toggleTheme } from "../base/dom";
+import { element, followTheme, toggleTheme, write } from "../base/dom";
 import type { Vec3 } from "../model/evaluator";
 import { Gauge } from "../panels/gauge";
 import { factsOf, surfaceOf, type Hello } from "./hello";
@@ -347,10 +347,11 @@ export class LiveView implements Touched, Keyed, Shared {
     this.hint.follow(this.held === null && this.hands > 0 && this.row.hasSettled);
     this.specimens.forEach((specimen) => specimen.follow());
     const { pace, drawing } = this.stage;
-    this.clock.textContent = paceInWords(pace.rate, [
+    const times: [string, number][] = [
       ["step", this.step.value],
       ["drawing", drawing.value],
-    ]);
+    ];
+    write(this.clock, paceInWords(pace.rate, times));
   }
 
   /** Scales are those of what a hand does from now on. */

@@ -2,7 +2,7 @@
 import { Arrow } from "../stage/arrow";
 import { Body } from "../stage/body";
 import { Painter, type Coloured } from "./colouring";
-import { element, newtons } from "../base/dom";
+import { element, newtons, write } from "../base/dom";
 import type { Evaluator, Vec3 } from "../model/evaluator";
 import { Gauge } from "../panels/gauge";
 import { Inside, shiftInWords, type Shift } from "../stage/inside";
@@ -107,10 +107,11 @@ export class Display {
     this.gauge.follow();
     this.label.follow(Math.hypot(...(touching?.force ?? [])), touching?.standing(order) ?? "sound");
     const { pace, drawing } = this.stage;
-    this.clock.textContent = paceInWords(pace.rate, [
+    const times: [string, number][] = [
       ["answer", answer],
       ["drawing", drawing.value],
-    ]);
+    ];
+    write(this.clock, paceInWords(pace.rate, times));
   }
 
   /** How far the parts within have moved; null where nobody touches. */
