@@ -62,6 +62,7 @@ page_stepper := $(dir $(page))stepper.wasm
 node_page    := $(if $(shell command -v npm),$(page))
 node_viewer  := $(if $(shell command -v npm),$(page_stepper))
 
+browsers     := chromium-headless-shell chromium chromium-browser google-chrome
 debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get update -q && $$root apt-get install -qy --no-install-recommends "$$@"' install
 
 # Targets one after the other, then how long each took.
@@ -311,7 +312,8 @@ viewer/node_modules/.package-lock.json: viewer/package-lock.json
 	touch $@
 
 $(VENV)/chromium: | $(VENV)/development
-	command -v chromium chromium-browser google-chrome || $(debian) chromium
+	for browser in $(browsers); do command -v $$browser && exit; done; \
+		$(debian) chromium-headless-shell || $(debian) chromium
 	touch $@
 
 $(VENV)/calculix: | $(VENV)/development

@@ -8,12 +8,12 @@ The page's panels are hidden and its ground is transparent, so that one file ser
 from __future__ import annotations
 
 import io
-import shutil
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from browser import launch
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
@@ -21,7 +21,6 @@ import viscera as vs
 from viscera.viewer import serve
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "pictures" / "touch.webp"
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 SETTINGS: dict[str, Any] = {"viewport": {"width": 1000, "height": 760}, "color_scheme": "light"}
 FRAMES, MILLISECONDS = 30, 80
 MARGIN = 8
@@ -72,9 +71,8 @@ def film(page: Page, touch: vs.Touch) -> list[Image.Image]:
 def main(model: str) -> None:
     """Film, crop to what is not empty in any frame, write."""
     touch = vs.load(model)
-    program = shutil.which("chromium") or shutil.which("google-chrome")
     with serve(touch, "Liver", is_hybrid=False) as server, sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=FLAGS)
+        browser = launch(driver)
         page = browser.new_context(**SETTINGS).new_page()
         page.goto(server.url)
         frames = film(page, touch)

@@ -6,11 +6,11 @@ python scripts/viewer_pictures.py out/liver.viscera
 
 from __future__ import annotations
 
-import shutil
 import sys
 from pathlib import Path
 from typing import Any
 
+from browser import launch
 from playwright.sync_api import sync_playwright
 
 import viscera as vs
@@ -19,7 +19,6 @@ from viscera.viewer import serve, serve_live
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 WIDE = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "light"}
 TELEPHONE = {"viewport": {"width": 390, "height": 780}, "color_scheme": "dark", "device_scale_factor": 2}
 
@@ -94,9 +93,8 @@ def shoot(page: Any, name: str) -> None:
 def main(model: str) -> None:
     """All pictures of one model."""
     PICTURES.mkdir(exist_ok=True)
-    program = shutil.which("chromium") or shutil.which("google-chrome")
     with serve(vs.load(model), Path(model).stem.capitalize(), is_hybrid=False) as server, sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=FLAGS)
+        browser = launch(driver)
         photograph(browser, server.url, "viewer.png", WIDE, "tissue", 26)
         photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 12)
         photograph_probes(browser, server.url, "viewer-probes.png")

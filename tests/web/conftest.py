@@ -19,7 +19,7 @@ import viscera as vs
 from viscera.cases.case import Case, read_case
 from viscera.viewer import Server, page, serve, serve_live
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # A machine without a graphics card draws in software. Half of a page's time went into panels, shadows and smooth edges:
 # the window is put together without graphics, and the organ is drawn with one sample for each two by two pixels.
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
