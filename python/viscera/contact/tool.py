@@ -143,7 +143,8 @@ class Contact(Sealed):
     energy: float
     """Energy [J] stored in the layer and in the springs of friction."""
     dissipation: float
-    """Energy [J] dissipated by friction in the last load step or frame."""
+    """Energy [J] dissipated by friction in the last load step or frame. A frame of a contact pair that goes on with one
+    which has not settled tells what it adds to that, or takes from it."""
     touching: int
     """Number of samples of the surface that touch the tool."""
     sliding: int

@@ -66,13 +66,19 @@ pub(super) struct ActivePair {
     was_out_of_reach: bool,
     /// The places at the start of the step.
     start: Vec<[f64; 3]>,
-    /// The stretch of the springs at the end of the last step, and which way samples slid in the last tangent.
+    /// Where slides set out from: the places at the start of the step, or of the one that it goes on, and the stretch of the
+    /// springs there.
+    origin: Vec<[f64; 3]>,
     stretches: Carried,
+    /// The stretch at the end of the last step, and which way samples slid in the last tangent.
+    left: Option<Carried>,
     slides: Carried,
     touching: Vec<Meeting>,
     in_tangent: Vec<Meeting>,
     gap: f64,
+    /// By friction: in the last step, and since slides set out [J].
     dissipation: f64,
+    dissipated: f64,
     passage: Passage,
 }
 
@@ -132,6 +138,7 @@ impl ActivePair {
         ActivePair {
             places: rest.clone(),
             start: rest.clone(),
+            origin: rest.clone(),
             carriers,
             corners,
             rest,
@@ -152,11 +159,13 @@ impl ActivePair {
             friction: Friction::Coulomb(pair.friction),
             was_out_of_reach: false,
             stretches: Carried::default(),
+            left: None,
             slides: Carried::default(),
             touching: Vec::new(),
             in_tangent: Vec::new(),
             gap: f64::INFINITY,
             dissipation: 0.0,
+            dissipated: 0.0,
             passage: Passage::default(),
         }
     }
@@ -201,21 +210,23 @@ impl ActivePair {
         }
     }
 
-    /// A step begins at `u`.
+    /// A step begins at `u`: slides of the last are permanent.
     pub fn begin(&mut self, u: &[f64]) {
         self.go_on(u);
+        self.origin.clone_from(&self.start);
+        if let Some(left) = self.left.take() {
+            self.stretches = left;
+        }
+        self.dissipated = 0.0;
         self.renewals = 0;
         self.renewed.clear();
+        self.was_out_of_reach = false;
     }
 
-    /// A step begins at `u` which goes on where the last has not converged: pieces that stay until then do. With friction,
-    /// which ties the samples anew, they do not.
+    /// A step begins at `u` which goes on with the last, that has not converged: what friction ties to each other stays so,
+    /// and so do pieces that are kept until the iteration has converged.
     pub fn go_on(&mut self, u: &[f64]) {
-        if !self.friction.is_none() {
-            self.renewed.clear();
-        }
         self.start = self.places_at(u);
-        self.was_out_of_reach = false;
         self.is_placed = false;
     }
 

@@ -8,21 +8,23 @@ use crate::contact::meeting::{Meeting, Tie};
 use crate::mesh::sub;
 
 impl ActivePair {
-    /// A step ends where it was linearized last: slides become permanent.
+    /// A step ends where it was linearized last.
     pub(in super::super) fn end(&mut self) {
-        self.dissipation = 0.0;
         if self.friction.is_none() {
             return;
         }
+        let before = std::mem::take(&mut self.dissipated);
         let mut left = vec![[0.0; 3]; self.samples.len()];
         for meeting in &self.touching {
             if let Some(tie) = &meeting.tie {
                 left[meeting.sample] = tie.elastic();
-                self.dissipation += tie.slip().1;
+                self.dissipated += tie.slip().1;
             }
         }
         let samples = self.samples.iter().zip(left);
-        self.stretches = Carried::new(samples.map(|(s, stretch)| (s.triangle, s.weights, stretch)));
+        self.left =
+            Some(Carried::new(samples.map(|(s, stretch)| (s.triangle, s.weights, stretch))));
+        self.dissipation = self.dissipated - before;
     }
 
     /// Ties the samples that touch, as far as they are new, to the points of the other surface that they stick to. One that
@@ -34,12 +36,12 @@ impl ActivePair {
         if new.is_empty() {
             return;
         }
-        let (before, now) = (self.other.at(&self.start), self.other.at(&self.places));
+        let (before, now) = (self.other.at(&self.origin), self.other.at(&self.places));
         let (mut found, mut n_far) = (Vec::with_capacity(new.len()), 0);
         for &number in &new {
             let sample = &self.samples[number];
             let behind = self.stretches.nearest(sample.triangle, sample.weights);
-            let start = sub(self.place_of(sample, &self.start), behind.unwrap_or([0.0; 3]));
+            let start = sub(self.place_of(sample, &self.origin), behind.unwrap_or([0.0; 3]));
             let candidates = self.candidates(sample);
             let closest = before.closest(start, self.reach, candidates).or_else(|| {
                 n_far += 1;

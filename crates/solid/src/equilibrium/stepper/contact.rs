@@ -24,7 +24,23 @@ const FELT_BESIDE: f64 = 0.2;
 /// How often a step is followed up at most.
 const MAX_FOLLOWED: usize = 3;
 
+/// Iterations that go on with one step of contact, over frames. Where friction goes in circles, a new one sets out elsewhere.
+const MOST_UNSETTLED: usize = 60;
+
 impl Stepper {
+    /// Contact begins a step, or goes on with that of the last frame. A frame of few iterations is not in equilibrium: where
+    /// hands, tools and loads stay, the next one solves for the same, with what friction ties and on the pieces that are
+    /// kept.
+    pub(super) fn begin_contact(&mut self, all_stay: bool) {
+        let is_unsettled = (1..MOST_UNSETTLED).contains(&self.unsettled);
+        if all_stay && is_unsettled && self.motion.is_none() {
+            self.contact.go_on(&self.displacement);
+        } else {
+            self.unsettled = 0;
+            self.contact.begin(&self.displacement);
+        }
+    }
+
     /// Adds a tool, from the next frame on; returns its number.
     ///
     /// # Errors

@@ -108,6 +108,8 @@ pub struct Stepper {
     hands_move: bool,
     /// Whether the last frame settled: tools may then lead what they touch.
     was_settled: bool,
+    /// Newton iterations since the hands have arrived or a frame has settled.
+    unsettled: usize,
     extrapolation: Extrapolation,
     /// The part of the last motion by which this frame has set out from where it leads; zero from the last state.
     ahead: f64,
@@ -218,6 +220,7 @@ impl Stepper {
             motion_fraction: 1.0,
             hands_move: false,
             was_settled: true,
+            unsettled: 0,
             extrapolation: Extrapolation::default(),
             ahead: 0.0,
             tail: Duration::ZERO,
@@ -376,16 +379,10 @@ impl Stepper {
         });
         self.longest_frame = f64::INFINITY;
         self.turn(body, input.turns)?;
-        self.apply_loads(input);
+        let loads_stay = self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
         let hands = self.places_of_hands(input);
-        let goes_on =
-            !self.was_settled && self.motion.is_none() && self.extrapolation.are_at(&hands);
-        if goes_on {
-            self.contact.go_on(&self.displacement);
-        } else {
-            self.contact.begin(&self.displacement);
-        }
+        self.begin_contact(loads_stay && self.extrapolation.are_at(&hands));
         self.contact.find_sweep(body, &self.displacement);
         self.follows_friction = true;
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
@@ -409,6 +406,11 @@ impl Stepper {
         self.longest_frame = each * self.settings.iterations as f64;
         self.was_settled =
             progress.is_settled(self.settings.settled) && self.barrier.is_idle() && !is_entered;
+        self.unsettled = if self.was_settled || !progress.has_arrived {
+            0
+        } else {
+            self.unsettled + progress.steps
+        };
         Ok(Frame {
             residual: progress.residual,
             is_settled: self.was_settled,
@@ -428,16 +430,19 @@ impl Stepper {
         })
     }
 
-    fn apply_loads(&mut self, input: &Input<'_>) {
-        self.torques.clear();
-        self.torques.extend_from_slice(input.torques);
-        if input.force.is_empty() {
-            self.dead.fill(0.0);
-        } else {
-            self.dead.copy_from_slice(input.force);
+    /// Whether they are those of the last frame.
+    fn apply_loads(&mut self, input: &Input<'_>) -> bool {
+        let mut dead = vec![0.0; self.dead.len()];
+        if !input.force.is_empty() {
+            dead.copy_from_slice(input.force);
         }
-        for (force, mass) in self.dead.chunks_exact_mut(3).zip(&self.nodal_mass) {
+        for (force, mass) in dead.chunks_exact_mut(3).zip(&self.nodal_mass) {
             (0..3).for_each(|i| force[i] += mass * input.gravity[i]);
         }
+        let have_stayed = dead == self.dead && self.torques == input.torques;
+        self.dead = dead;
+        self.torques.clear();
+        self.torques.extend_from_slice(input.torques);
+        have_stayed
     }
 }
