@@ -87,11 +87,12 @@ DRAG = """async ([point, step, moves]) => {
 }"""
 # Shows a frame whose forces have not settled, and lets no other one come.
 UNSETTLED = """() => {
-    const { link, specimens: [{ facts, field }] } = viscera;
+    const { link, conversation, specimens: [{ facts, field }] } = viscera;
     const numbers = [1, ...facts.force, 0.3, 1, 0, 1, 0, 0, 0, 1, 0, 0, 0, ...field];
     window.sending = link.send;
     link.send = () => {};
-    viscera.conversation.receive(new Float32Array(numbers).buffer);
+    window.again = () => conversation.receive(new Float32Array(numbers).buffer);
+    window.again();
 }"""
 GO_ON = """() => {
     viscera.link.send = window.sending;
@@ -364,6 +365,26 @@ def test_what_has_not_settled_is_grey(steps: Viewer) -> None:
     steps.page.wait_for_selector(".specimen:not(.is-unsettled) .force")
     steps.page.wait_for_selector(".force-label:not(.is-unsettled)")
     assert steps.page.evaluate(arrow) == settled[0]
+
+
+def test_a_hand_at_rest_that_finds_no_balance_is_told_so(steps: Viewer) -> None:
+    """It does not move too fast, and nobody is left with the force of before: who listens hears that there is none."""
+    steps.call("touch", TIP, [0.0, 0.0, -0.03])
+    settle(steps)
+    warning, spoken = steps.page.locator(".warning"), steps.page.locator("[role=status]")
+    caption = steps.call("caption")
+    steps.page.evaluate(UNSETTLED)
+    assert steps.call("caption").endswith(" N, not settled.")
+    steps.page.evaluate("() => { for (let k = 0; k < 60; k++) window.again(); }")
+    steps.page.locator(".warning", has_text="come to rest").wait_for()
+    assert warning.inner_text() == "The organ does not come to rest here: ease the hand, or let go."
+    assert steps.call("caption").endswith(": not settled.")
+    steps.page.locator("[role=status]", has_text="not settled").wait_for(state="attached")
+    assert " N" not in spoken.inner_text()
+    steps.page.evaluate(GO_ON)
+    settle(steps)
+    steps.page.wait_for_selector(".warning:not(.is-shown)", state="attached")
+    assert steps.call("caption") == caption
 
 
 def test_a_picture_says_what_a_force_is_worth(steps: Viewer) -> None:

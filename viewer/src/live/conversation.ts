@@ -32,6 +32,8 @@ export class Conversation {
   isWaiting = false;
   /** What the slowest frame so far has taken [ms]. */
   slowest = 0;
+  /** Frames since anything was last wanted: so long hands have been at rest. */
+  resting = 0;
   private alarm = 0;
   private wanted: Request = {};
   /** The last request. */
@@ -89,6 +91,7 @@ export class Conversation {
   /** Asks for a frame where something is wanted or moves; one at a time. Says whether it has. */
   ask(isMoving: boolean): boolean {
     if (this.isWaiting || !this.link.isOpen || !(isMoving || this.hasWishes)) return false;
+    if (this.hasWishes) this.resting = 0;
     this.link.send(JSON.stringify(this.wanted));
     this.asked = this.wanted;
     this.wanted = {};
@@ -105,7 +108,10 @@ export class Conversation {
       clearTimeout(this.alarm);
     }
     if (said) this.refuse(said.error);
-    else this.onFrame(new Float32Array(data as ArrayBuffer), others, isAnswer);
+    else {
+      this.resting += 1;
+      this.onFrame(new Float32Array(data as ArrayBuffer), others, isAnswer);
+    }
   }
 
   /** The last request was not followed. If it was for a grasp, what it asked for beside that is asked for again. */

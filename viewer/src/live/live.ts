@@ -314,7 +314,7 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** The sentence below a picture of the hand's forces. */
   caption(): string {
-    return this.held ? forces(this.specimens, this.holding.hands) : "";
+    return this.held ? forces(this.specimens, this.holding.hands, this.conversation.resting) : "";
   }
 
   /** The state in numbers, for programs: SI units. */
@@ -397,7 +397,7 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** Says how things stand, and what is the matter. */
   private speak(): void {
-    const matter = this.holding.isElsewhere ? ELSEWHERE : trouble(this.specimens, this.holding.hands);
+    const matter = this.holding.isElsewhere ? ELSEWHERE : trouble(this.specimens, this.holding.hands, this.conversation.resting);
     this.speech.say(this.caption(), this.complaint || this.refusal || matter);
   }
 

@@ -185,8 +185,9 @@ export class Duet {
   /** The forces in words, and what is the matter. */
   get inWords(): [string, string] {
     const stiffness = this.factor === 1 ? "" : ` Stiffness × ${digits(this.factor, 2)}.`;
-    const matter = this.complaint || this.refusal || trouble([this.specimen], this.holding.hands);
-    return [`${forces([this.specimen], this.holding.hands)}${stiffness}`, matter];
+    const { resting } = this.conversation;
+    const matter = this.complaint || this.refusal || trouble([this.specimen], this.holding.hands, resting);
+    return [`${forces([this.specimen], this.holding.hands, resting)}${stiffness}`, matter];
   }
 
   /** Its part of the state in numbers: SI units. */
