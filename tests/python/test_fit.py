@@ -146,6 +146,10 @@ def test_what_cannot_be_fitted_is_said() -> None:
         "the tests must be a MaterialTest": lambda: vs.fit(vs.Yeoh, 3),  # type: ignore[arg-type]
         "1 to 3 terms, got 2.0": lambda: vs.fit(vs.Ogden, line, terms=2.0),  # type: ignore[arg-type]
         "stretches are lengths over rest lengths": lambda: vs.MaterialTest("uniaxial", [0.0, 0.1], [0, 1]),
+        "stretch 501 in row 1, where nothing soft goes beyond 20": lambda: vs.MaterialTest.from_force(
+            "uniaxial", [0, 15], [0, 2], length=0.03, area=2e-3
+        ),
+        "shear 100 in row 1": lambda: vs.MaterialTest("simple shear", [0, 100], [0, 1]),
         "2 stretches but 3 stresses": lambda: vs.MaterialTest("uniaxial", [1, 2], [0, 1, 2]),
         "no deformation is called 'biaxial'": lambda: vs.MaterialTest("biaxial", [1, 2], [0, 1]),
         "no deformation is called \\['uniaxial'\\]": lambda: vs.MaterialTest(

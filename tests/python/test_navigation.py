@@ -215,6 +215,11 @@ def test_a_case_with_a_scan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert np.allclose(written.points, beam.points)
     assert np.allclose(written.point_data["displacement"], seen.displacement, atol=1e-9)
     assert seen.displacement[:, 2].max() > 0.01, "it rises from where its weight had drawn it"
+    read = vs.case(case)
+    assert isinstance(read, vs.Case)
+    assert read.predict(read.unloaded(read.organ())).max_displacement == pytest.approx(seen.max_displacement)
+    with pytest.raises(vs.VisceraError, match=r"beam.toml: the mesh is loaded, says \[scan\].*case.predict"):
+        read.solve(read.organ())
 
 
 def test_a_scan_that_cannot_be_unloaded_fails(bar: vs.Mesh, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -226,6 +226,16 @@ class Case(Solvable):
         """
         return [] if self.mesh.startswith("organ:") else [self.folder / self.mesh]
 
+    def solve(self, organ: Organ, progress: Progress | None = None) -> State:
+        """As `Solvable.solve`; a case with a [scan] is refused, whose loads are to be removed first: see `predict`."""
+        if self.scan:
+            with naming(self.file):
+                raise VisceraError(
+                    "the mesh is loaded, says [scan], and `solve` takes it as free of load; "
+                    "use case.predict(case.unloaded(case.organ()))"
+                )
+        return super().solve(organ, progress)
+
     def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
         """The organ free of the loads of its [scan]; if that has no density, the density of [loads] is taken.
 

@@ -14,7 +14,8 @@ from viscera.mesh import Floats
 from viscera.quantity import brief, numbers_of, refuse_masked
 from viscera.sealed import Sealed
 
-SMALLEST_STRETCH = 0.05
+SMALLEST_STRETCH, LARGEST_STRETCH = 0.05, 20.0
+"""The softest silicones tear at a stretch of about ten."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -26,7 +27,7 @@ class MaterialTest(Sealed):
     stress (k,): the nominal stress [Pa], force over rest area; negative in compression.
 
     Raises `VisceraError` for a mode that is not known, curves of different lengths, values that are not finite, and
-    stretches that are not positive.
+    stretches below 0.05 or above 20.
 
     >>> import viscera as vs
     >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
@@ -56,6 +57,12 @@ class MaterialTest(Sealed):
             raise VisceraError(
                 f"{self.name}: stretch {self.stretch[row]:g} in row {row}; stretches are lengths over rest lengths, "
                 f"1 at rest and at least {SMALLEST_STRETCH}"
+            )
+        if self.stretch.max() > LARGEST_STRETCH:
+            row, parameter = int(self.stretch.argmax()), MODES[self.mode].parameter
+            raise VisceraError(
+                f"{self.name}: {parameter} {self.stretch[row]:g} in row {row}, where nothing soft goes beyond "
+                f"{LARGEST_STRETCH:g}; give lengths in metres or with their unit, and per cent over 100"
             )
 
     @classmethod
