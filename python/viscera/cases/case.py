@@ -227,7 +227,16 @@ class Case(Solvable):
         return [] if self.mesh.startswith("organ:") else [self.folder / self.mesh]
 
     def solve(self, organ: Organ, progress: Progress | None = None) -> State:
-        """As `Solvable.solve`; a case with a [scan] is refused, whose loads are to be removed first: see `predict`."""
+        """Static equilibrium of the organ under the case's loads, free of load before.
+
+        Raises `VisceraError` for a case with a [scan], whose loads are to be removed first; see `predict`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> case.solve(case.organ()).status
+        'converged'
+        """
         if self.scan:
             with naming(self.file):
                 raise VisceraError(
